@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+
+from docutils import nodes
 
 import gsp
 from gsp.demos.page import frame_script
+from gsp.results.lettering import in_unicode
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
@@ -107,6 +111,24 @@ def write_demos(app, error) -> None:
         gsp.write_demo(gsp.models.load(name), folder / f"{name}.html")
 
 
+def with_letters(app, doctree) -> None:
+    """Formulas in running text, headings and tables with their Greek letters and powers; code stays as it is typed."""
+    code = (nodes.literal, nodes.literal_block, nodes.doctest_block, nodes.raw, nodes.comment)
+    for text in list(doctree.findall(nodes.Text)):
+        above, typed = text.parent, False
+        while above is not None and not typed:
+            typed, above = isinstance(above, code) or above.tagname == "desc_signature", above.parent
+        if not typed:
+            text.parent.replace(text, list(raised(in_unicode(str(text)))))
+
+
+def raised(text: str) -> Iterator[nodes.Node]:
+    """Text with what stands behind ^ above it, and a letter behind _ below it, as in ε^N, A^(k + 1) and z_i."""
+    for part in re.split(r"(?<=[\w)\]|])(\^(?:\w|\([^()]+\))(?!\w)|(?<=\b\w)_\w(?!\w))", text):
+        kind = {"^": nodes.superscript, "_": nodes.subscript}.get(part[:1]) if len(part) > 1 else None
+        yield nodes.Text(part) if kind is None else kind("", part[1:].strip("()"))
+
+
 def as_restructured_text(app, what, name, obj, options, lines: list[str]) -> None:
     """Docstrings are plain text: |x|, x* and h_ mean what they say, outside code and doctests."""
     in_doctest = False
@@ -126,5 +148,7 @@ def setup(app) -> dict[str, bool]:
     app.connect("source-read", with_demos)
     app.connect("source-read", with_links)
     app.connect("build-finished", write_demos)
+    # Before the titles are collected.
+    app.connect("doctree-read", with_letters, priority=400)
     app.connect("autodoc-process-docstring", as_restructured_text)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

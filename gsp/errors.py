@@ -111,6 +111,10 @@ class SplittingError(GspError):
     """A field that is not of the form z' = N f/epsilon + G."""
 
 
+class DegenerateError(SplittingError):
+    """A fast part that is nowhere hyperbolic on its zeros to leading order: higher orders decide what moves there."""
+
+
 class BranchError(GspError):
     """A branch of the critical manifold that has vanished, is complex, or is ambiguous at a point."""
 

@@ -13,10 +13,6 @@ import numpy as np
 
 # What two neighbouring results of double precision differ by.
 ROUNDING = np.finfo(float).eps
-# Brent's method needs about ten evaluations; this many only where the function jumps.
-MOST = 400
-# Below this share of the interval a minimum is level to rounding.
-LEVEL = 4e-9
 
 
 class _Undefined(Exception):
@@ -65,7 +61,8 @@ def root(
     try:
         # With full output the answer comes without an exception after the last evaluation too; its relative width is
         # four roundings where none is given, the least that it takes.
-        return brentq(value, a, b, xtol=width, maxiter=MOST, full_output=True, disp=False)[0]
+        # Brent's method needs about ten evaluations; this many only where the function jumps.
+        return brentq(value, a, b, xtol=width, maxiter=400, full_output=True, disp=False)[0]
     except _Undefined:
         return None
 
@@ -123,5 +120,6 @@ def least(f: Callable[[float], float], a: float, b: float, *, below: float = -ma
         return found
 
     with contextlib.suppress(_Below):
-        minimize_scalar(value, bounds=(0.0, 1.0), method="bounded", options={"xatol": LEVEL})
+        # Below this share of the interval a minimum is level to rounding.
+        minimize_scalar(value, bounds=(0.0, 1.0), method="bounded", options={"xatol": 4e-9})
     return best

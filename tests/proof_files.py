@@ -20,6 +20,9 @@ SCENES = sampled(
 )
 
 
+Change = Callable[[dict], None]
+
+
 class Saved(Protocol):
     """What can be saved as a proof file."""
 
@@ -37,7 +40,7 @@ def number(text: str, change: Callable[[float], float]) -> str:
     return change(float.fromhex(text)).hex()
 
 
-def changed(keys: list, value: object) -> Callable[[dict], None]:
+def changed(keys: list, value: object) -> Change:
     """Set the place that `keys` lead to; a function of the old value gives the new one."""
 
     def mutate(proof: dict) -> None:

@@ -13,14 +13,14 @@ from dataclasses import replace
 import sympy as sp
 
 from gsp import load, models
-from gsp.analysis.analysis import analyse
+from gsp.analysis.analysis import Analysis, analyse
 from gsp.analysis.fold_surroundings import not_followed, surroundings
 from gsp.choice.choice import choose
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.errors import GspError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
 from gsp.scenes.scene import Scene
-from gsp.scenes.study import study_of
+from gsp.scenes.study import Study, study_of
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem, VectorField
 from tests.literature import FOLDER, systems
@@ -108,9 +108,9 @@ def in_other_units(scene: Scene, *, singly: bool = False) -> Iterator[dict[str, 
             yield from ({name: power} for name in names)
 
 
-def _check(scene: Scene) -> object:
-    study = study_of(scene)
-    return _told(classify(study.branch, region=study.region, epsilon=scene.epsilon))
+def _check(asked: Scene | Study) -> object:
+    study = study_of(asked)
+    return _told(classify(study.branch, region=study.region, epsilon=study.scene.epsilon))
 
 
 def _told(found: Hyperbolicity) -> object:
@@ -123,8 +123,8 @@ def _told(found: Hyperbolicity) -> object:
     )
 
 
-def _folds(scene: Scene) -> object:
-    study = study_of(scene)
+def _folds(asked: Scene | Study) -> object:
+    study = study_of(asked)
     if not_followed(study) is not None:
         return "not followed"
     found = surroundings(study)
@@ -132,12 +132,12 @@ def _folds(scene: Scene) -> object:
     return sorted(sorted(point.kind.name for point in curve.special) for curve in curves)
 
 
-def _expand(scene: Scene) -> object:
-    return expand(study_of(scene).branch, order=2, symbolic=False).order
+def _expand(asked: Scene | Study) -> object:
+    return expand(study_of(asked).branch, order=2, symbolic=False).order
 
 
-def _choose(scene: Scene) -> object:
-    return _chosen(choose(scene))
+def _choose(asked: Scene | Study) -> object:
+    return _chosen(choose(asked))
 
 
 def _chosen(found) -> object:
@@ -145,8 +145,12 @@ def _chosen(found) -> object:
     return [(c.label, c.valid, c.failure and c.failure.name) for c in found.candidates if c.order is not None]
 
 
-def _report(scene: Scene) -> object:
-    found = analyse(scene, order=2)
+def _report(asked: Scene | Study) -> object:
+    return told(analyse(asked, order=2))
+
+
+def told(found: Analysis) -> object:
+    """What a report says, without its numbers."""
     boundary = found.boundary if "boundary" not in found.lost else None
     return (
         sorted(found.lost),
@@ -163,11 +167,30 @@ def _report(scene: Scene) -> object:
     )
 
 
-def verdict(scene: Scene, verb: str) -> object:
-    """What `verb` says of the scene: kinds of losses, Yes and No, what holds, statuses; a refusal by its kind."""
+def named_points(found: Analysis, powers: Mapping[str, int]) -> list[float]:
+    """The points that a report names, in the units that the states had before they were `rescaled` by `powers`."""
+    if "boundary" in found.lost or found.boundary is None:
+        return []
+    boundary = found.boundary
+    places = [fold.point for fold in boundary.folds]
+    places += [fold.passage.drop.point for fold in boundary.folds if fold.passage and fold.passage.drop.lands]
+    places += [point.point for point in boundary.folded]
+    places += [piece.landing for piece in (boundary.orbit.pieces if boundary.orbit else ()) if piece.landing]
+    # Coordinates that a splitting made have units of their own.
+    values = (
+        float(place[name]) * 10.0 ** -powers[name]
+        for place in places
+        for name in sorted(place)
+        if name in powers
+    )
+    return [*values, *(boundary.period or ())]
+
+
+def verdict(asked: Scene | Study, verb: str) -> object:
+    """What `verb` says: kinds of losses, Yes and No, what holds, statuses; a refusal by its kind."""
     verbs = {"check": _check, "folds": _folds, "expand": _expand, "choose": _choose, "report": _report}
     try:
-        return verbs[verb](scene)
+        return verbs[verb](asked)
     except GspError as error:
         return type(error).__name__
 

@@ -2,6 +2,7 @@
 
 import gc
 import json
+import re
 import subprocess
 import sys
 
@@ -14,19 +15,11 @@ from gsp.cli import cli, main
 from gsp.errors import BudgetError, DeclarationError, GspError
 
 FOLD = """
-[slow]
-y = "-x"
-[fast]
-x = "y - x^3/3 + x"
-[region]
-y = [-2, 2]
-x = [-3, 3]
-[start]
-y = 1
-x = 2.1
-[scene]
-span = [0, 0.1]
-epsilon = 0.01
+slow = { y = "-x" }
+fast = { x = "y - x^3/3 + x" }
+region = { y = [-2, 2], x = [-3, 3] }
+start = { y = 1, x = 2.1 }
+scene = { span = [0, 0.1], epsilon = 0.01 }
 """
 
 
@@ -102,6 +95,24 @@ def test_scales_are_told_along_the_run_and_for_the_parameters_that_may_vanish() 
     assert found["parameters"]
     assert all("kappa" not in each["vanishing"] for each in found["parameters"])
     assert any(each["vanishing"] == ["epsilon"] and each["attracts"] for each in found["parameters"])
+    errors = [each["error"] for each in found["parameters"] if each["error"] is not None]
+    assert errors == sorted(errors)
+    assert errors[0] < 0.1
+    assert (
+        f"error at these values over t = 0 to 5: {errors[0]:.2g}"
+        in run("scales", "michaelis_menten", "--parameters").output
+    )
+
+
+def test_special_values_are_told_without_errors_where_the_run_ends_early(tmp_path) -> None:
+    model = tmp_path / "growing.toml"
+    model.write_text(
+        '[parameters]\nk = 0.1\n[states]\nx = "k*x^2"\ny = "x - y"\n[start]\nx = 1\ny = 1\n[scene]\nspan = [0, 20]\n',
+        encoding="utf-8",
+    )
+    told = run("scales", str(model), "--parameters").output
+    assert "k -> 0" in told
+    assert "Errors were not measured." in told
 
 
 def test_what_is_kept_is_asked_for_parameters_alone() -> None:
@@ -111,25 +122,11 @@ def test_what_is_kept_is_asked_for_parameters_alone() -> None:
 
 LONG = """
 parameters = {k1 = 1, k2 = 0.7, k3 = 2, q = 0.3}
-[slow]
-F = "-k1*F*X - q*F"
-T = "k2*X*Y - q*T"
-[fast]
-X = "F*(1+T) - k1*X - k3*X*Y"
-Y = "k2*X - Y - q*X*Y"
-[region]
-F = [0.1, 1]
-T = [0, 1]
-X = [0, 2]
-Y = [0, 2]
-[start]
-F = 1
-T = 0
-X = 0
-Y = 0
-[scene]
-span = [0, 4]
-epsilon = 0.02
+slow = { F = "-k1*F*X - q*F", T = "k2*X*Y - q*T" }
+fast = { X = "F*(1+T) - k1*X - k3*X*Y", Y = "k2*X - Y - q*X*Y" }
+region = { F = [0.1, 1], T = [0, 1], X = [0, 2], Y = [0, 2] }
+start = { F = 1, T = 0, X = 0, Y = 0 }
+scene = { span = [0, 4], epsilon = 0.02 }
 """
 
 
@@ -147,6 +144,21 @@ def test_coefficients_too_long_to_read_are_counted_and_shortened(tmp_path) -> No
     series = json.loads((tmp_path / "out" / "report.json").read_text())["series"]
     assert series["parameters"] == "values"
     assert series["order"] == 3
+
+
+@pytest.mark.parametrize("is_read", [True, False])
+def test_a_coefficient_longer_than_the_screen_is_counted_there_and_whole_in_a_file(
+    monkeypatch, is_read
+) -> None:
+    monkeypatch.setattr("gsp.cli.deriving.screenful", lambda: 40.0 if is_read else float("inf"))
+    text = run("expand", "michaelis_menten", "--order", "2").output
+    counted = re.findall(
+        r"h_2  .* = ([\d,]+) characters, more than a screen; a pipe, a file or --json has all", text
+    )
+    whole = json.loads(run("expand", "michaelis_menten", "--order", "2", "--json").stdout)["h"][2][0]
+    assert counted == ([f"{len(whole):,}"] if is_read else [])
+    assert (f"= {whole}\n" in text) is not is_read
+    assert re.search(r"h_0  \w+ = \S", text)
 
 
 def test_expand_prints_what_it_reached_where_no_order_was_asked_for(tmp_path, monkeypatch) -> None:
@@ -175,6 +187,17 @@ def test_folds_are_found_along_an_implicit_branch() -> None:
     assert (1.0, -0.666666667) in places
     assert "curve of folds" in run("folds", "koper").output
     assert "without roots: it has no folds" in run("folds", "linear").output
+
+
+def test_folds_name_weights_and_powers_and_print_charts() -> None:
+    line = "weights x 1, y 2, epsilon 3; degree 1; so x ~ epsilon^(1/3), y ~ epsilon^(2/3), slow time ~ epsilon^(2/3)"
+    assert line in run("folds", "van_der_pol").output
+    assert run("folds", "koper").output.count("along the curve of folds: weights x 1, y 2, epsilon 3") == 2
+    assert "chart epsilon = r_1^3, the rescaling chart" in run("folds", "van_der_pol", "--blow-up").output
+    (found,) = json.loads(run("folds", "van_der_pol", "--json").stdout)["blow_ups"]
+    assert found["weights"] == {"x": 1, "y": 2, "epsilon": 3}
+    assert found["exponents"] == {"x": "1/3", "y": "2/3"}
+    assert found["charts"]["epsilon = r_1^3"]["x_1"] == "-x_1**2 + y_1"
 
 
 def test_folds_are_found_along_a_graph_with_a_root(tmp_path) -> None:

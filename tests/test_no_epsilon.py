@@ -55,12 +55,26 @@ def test_variables_that_are_fast_are_named(motor: Path) -> None:
         (("--small", "L", "--fast", "i"), "one of them"),
         (("--small", "i"), "parameter is 'i', and no parameter has this name"),
         (("--fast", "i,,q"), "variables names 'q', which is no state"),
-        (("--epsilon", "0.1"), "has no small parameter"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(motor: Path, options: tuple[str, ...], words: str) -> None:
     with pytest.raises(GspError, match=words):
         run("check", motor, *options)
+
+
+def test_a_value_of_epsilon_needs_one(motor: Path) -> None:
+    with pytest.raises(GspError, match="has no small parameter"):
+        run("run", motor, "--epsilon", "0.1")
+
+
+def test_what_is_fast_is_looked_for_and_told(motor: Path) -> None:
+    found = run("split", motor, "--json")
+    assert json.loads(found.stdout)["fast"] == {"i": "-R*i - k*w + 1"}
+    assert "quasi-steady state of i" in found.stderr
+    assert "->quasi-steady state of i" in run("choose", motor, "--tolerance", "0.05").stdout
+    rough = json.loads(run("choose", motor, "--tolerance", "1e-10", "--json").stdout)
+    assert rough["recommended"] is None
+    assert rough["reason"].startswith("Do not reduce")
 
 
 def test_its_demo_shows_the_full_system(motor: Path, tmp_path: Path) -> None:
@@ -75,7 +89,7 @@ def test_a_parameter_called_epsilon_is_one_like_others(tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     path.write_text(MOTOR.replace("L", "epsilon"))
     assert gsp.load(path).epsilon is None
-    path.write_text(MOTOR.replace("L = 0.01\n", "").replace("L", "epsilon"))
+    path.write_text(MOTOR.replace("L = 0.01, ", "").replace("L", "epsilon"))
     with pytest.raises(GspError, match=r"scene\.epsilon is missing"):
         gsp.load(path)
 

@@ -190,3 +190,21 @@ def test_compilation_is_told_once():
     assert told == ["compiling"]
     njit(lambda x: x)(1)
     assert told == ["compiling"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_a_terminal_shows_the_letters_that_it_has(encoding: str) -> None:
+    """Through a pseudo-terminal, whose other end is read here; what goes to a pipe is plain."""
+    import pty
+
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    arguments = [sys.executable, "-m", "gsp.cli", "split", "michaelis_menten"]
+    done = subprocess.run(arguments, stdout=theirs, env=environment, check=False)
+    os.close(theirs)
+    shown = os.read(ours, 65536).decode()
+    os.close(ours)
+    assert done.returncode == 0
+    assert ("ε c'" in shown, "κ" in shown) == (encoding == "utf-8",) * 2
+    assert ("epsilon" in shown) == (encoding == "ascii")
+    assert "epsilon c'" in gsp("split", "michaelis_menten", stdout=subprocess.PIPE).stdout

@@ -9,23 +9,18 @@ import pytest
 from tests.random_systems import Ending
 
 
-# Over the starts of seeds 48 and 93 g has no real zero: no root of 3.67 - 15 y + 11 exp(y/2), and a complex graph.
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("first", "last", "refused"),
-    [(0, 1, 0), (1, 200, 2)],
-    ids=["sample", "all"],
-)
-def test_random_systems_are_judged_and_none_is_lost(first, last, refused):
+def test_random_systems_are_judged_and_none_is_lost():
     # In a process of its own: what checks the systems is forked from it, which no process with threads should be.
     done = subprocess.run(
-        [sys.executable, "-m", "tests.random_systems", str(first), str(last)],
+        [sys.executable, "-m", "tests.random_systems", "0", "100"],
         cwd=Path(__file__).parents[1],
         capture_output=True,
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert f"{last - first} systems, 0 lost, {refused} refused" in done.stdout
+    # Over the starts of seeds 48 and 93 g has no real zero: no root of 3.67 - 15 y + 11 exp(y/2), and a complex graph.
+    assert "100 systems, 0 lost, 2 refused" in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,23 @@ def enzyme() -> None:
     names["axes"].figure.savefig(FOLDER / "enzyme.png", dpi=150)
 
 
+def averaging() -> None:
+    """The figure of docs/averaging.md."""
+    example = FOLDER.parent.parent / "examples/scales/averaging.py"
+    names: dict = {}
+    exec(compile(example.read_text(encoding="utf-8"), str(example), "exec"), names)
+    charts.save(charts.averaging(names["found"]), FOLDER / "averaging.png")
+
+
+def ramps() -> None:
+    """The figures of docs/ramps.md."""
+    example = FOLDER.parent.parent / "examples/passage/ramps.py"
+    names: dict = {}
+    exec(compile(example.read_text(encoding="utf-8"), str(example), "exec"), names)
+    charts.save(charts.critical_rate(names["found"]), FOLDER / "ramp-threshold.png")
+    charts.save(charts.rate_diagram(names["diagram"]), FOLDER / "ramp-diagram.png")
+
+
 # Part of a picture, as shares of its width and height from the left and from the top.
 THUMBNAILS = {
     "sleigh": ("sleigh.png", (0.03, 0.2, 0.4, 0.95)),
@@ -217,6 +234,8 @@ def main() -> None:
         canard_explosion,
         folded_node,
         relaxation,
+        averaging,
+        ramps,
     )
     for draw in drawn:
         draw()

@@ -14,7 +14,7 @@ FOLDER = Path(__file__).parent
 WIDTH, SCALE = 1000, 1.5
 # Name of the picture: the scene, the step of its story from 0, and whether the page is dark.
 SCREENS = {
-    "sleigh": ("chaplygin_sleigh", 5, False),
+    "sleigh": ("chaplygin_sleigh", 6, False),
     "canard": ("van_der_pol", 7, True),
     "koper": ("koper", 4, False),
     "shishkova": ("shishkova", 4, False),
@@ -37,8 +37,8 @@ def main() -> None:
                 page.window(WIDTH, page.run("return document.documentElement.scrollHeight"), SCALE)
                 page.settle()
                 taken = Image.open(BytesIO(page.driver.get_screenshot_as_png())).convert("RGB")
-                # A palette by means, so that no curve takes the colour of another.
-                small = taken.quantize(256, kmeans=3, dither=Image.Dither.NONE)
+                # A palette that covers all colours, so that no curve takes the colour of another.
+                small = taken.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
                 small.save(FOLDER / f"demo-{name}.png", optimize=True)
 
 

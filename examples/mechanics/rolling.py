@@ -19,7 +19,7 @@ print(ball.splitting.explain())
 series = gsp.expand(gsp.solve_critical(ball.standard_form).branches[0], order=3)
 print("corrections of the ball:", [tuple(h) for h in series.coefficients])
 start = {"omega_x": 0, "omega_y": 0, "omega_z": 0, "s1": 7, "s2": 0, "x": 0, "y": 0}
-start |= {"alpha": 0, "beta": 1, "gamma": 0}
+start |= {"q0": 1, "q1": 0, "q2": 0, "q3": 0}
 run = gsp.integrate(ball.full_field, start=start, span=(0, 2), epsilon=0.1)
 speed = run["omega_y"][-1] + run["s1"][-1]
 print(f"thrown at 7 without spin it rolls off at {speed:.6f}: five sevenths are left\n")

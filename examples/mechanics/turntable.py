@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import gsp
 
 ball = gsp.models.friction_system("ball_on_turntable")
-print(ball.limit)
+print(ball.limit.reduced)
 # The table's rate is 3.
 turn = 2 * np.pi / (2 / 7 * 3)
 times = np.linspace(0, turn, 201)

@@ -19,8 +19,6 @@ from gsp.algebra.polynomials import rational
 from gsp.algebra.precision import precision
 from gsp.errors import GspError
 
-# A system whose Bezout number is larger is left to numerical methods.
-BEZOUT_LIMIT = 200
 # So is one with more complex solutions, counted with multiplicity; past this, elimination takes minutes.
 SOLUTION_LIMIT = 16
 # Linear forms u + c s + c^2 a that are tried as separating elements after the coordinates.
@@ -178,7 +176,8 @@ def real_points(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol]) -> 
     if any(p.is_ground for p in polynomials):
         return []
     bezout = sp.prod([p.total_degree() for p in polynomials])
-    if bezout > BEZOUT_LIMIT:
+    # A system whose Bezout number is larger is left to numerical methods.
+    if bezout > 200:
         return None
     symbols = list(unknowns)
     extra: list[sp.Symbol] = []

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 import sympy as sp
 
+from gsp.algebra.sharing import operations
+
 # Characters of an expression in a message.
 SHOWN = 240
 # How many of many quantities a message lists.
@@ -14,13 +16,23 @@ LISTED = 12
 
 def brief(expression: sp.Expr) -> str:
     """`expression` as a line of text holds it: a sum's first terms, and how many there are, where all are too long."""
-    text = str(expression)
+    terms = sp.Add.make_args(sp.sympify(expression, strict=True))
+    size = f"{len(terms)} terms" if len(terms) > 1 else f"{operations(terms)} operations"
+    # SymPy's printer orders terms by expanding them, which can take minutes: what would be cut is not printed.
+    if operations(terms) + len(terms) - 1 > SHOWN:
+        short = [str(term) for term in terms if operations([term]) <= SHOWN]
+        text = " + ".join([*short, ""]).replace("+ -", "- ") + size
+    else:
+        text = str(expression)
     if len(text) <= SHOWN:
         return text
     last_space = text[:SHOWN].rfind(" ")
-    terms = len(sp.Add.make_args(expression))
-    size = f"{terms} terms" if terms > 1 else f"{len(text)} characters"
     return f"{text[: last_space if last_space > 0 else SHOWN]} ... ({size})"
+
+
+def brief_list(expressions: Iterable[sp.Expr]) -> str:
+    """`expressions` in brackets, each as `brief` has it."""
+    return f"[{', '.join(map(brief, expressions))}]"
 
 
 def listed(texts: Iterable[str]) -> str:

@@ -1,4 +1,7 @@
-"""Independent rows and columns of a matrix of expressions, by elimination over the rationals at one generic point."""
+"""Independent rows and columns of a matrix of expressions, by elimination at one generic point.
+
+Over the rationals where the matrix is rational there, else to `DIGITS` digits.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,9 @@ import flint
 import sympy as sp
 
 from gsp.algebra.substitution import substituted
+
+# Half of them tell what is left of a row from the rounding of what was taken away.
+DIGITS = 50
 
 
 def generic_point(symbols: Iterable[sp.Symbol]) -> dict[sp.Symbol, sp.Rational]:
@@ -44,6 +50,36 @@ def independent_columns(matrix: flint.fmpq_mat, order: Sequence[int]) -> list[in
                 column += 1
             pivots.append(columns[column])
     return sorted(pivots, key=place.__getitem__)
+
+
+def numbers_at(matrix: sp.Matrix, point: Mapping[sp.Symbol, sp.Expr]) -> list[list[sp.Expr]] | None:
+    """The matrix at a point to `DIGITS` digits, rationals exactly; None where an entry has no value."""
+    values = [
+        [_number(substituted(matrix[i, j], point)) for j in range(matrix.cols)] for i in range(matrix.rows)
+    ]
+    return values if all(value.is_finite for row in values for value in row) else None
+
+
+def _number(value: sp.Expr) -> sp.Expr:
+    return value if value.is_Rational else sp.N(value, DIGITS)
+
+
+def independent_rows(values: Sequence[Sequence[sp.Expr]]) -> list[int]:
+    """The places of the rows that are no combination of those before them: more than rounding is left of them."""
+    held: list[tuple[int, list[sp.Expr]]] = []
+    found = []
+    for i, row in enumerate(values):
+        size = max(map(abs, row))
+        left = list(row)
+        for pivot, other in held:
+            factor = left[pivot] / other[pivot]
+            left = [a - factor * b for a, b in zip(left, other)]
+            left[pivot] = sp.S.Zero
+        pivot = max(range(len(left)), key=lambda j: abs(left[j]))
+        if abs(left[pivot]) > size * sp.Rational(1, 10 ** (DIGITS // 2)):
+            held.append((pivot, left))
+            found.append(i)
+    return found
 
 
 def connected_parts(

@@ -98,6 +98,8 @@ class ExponentialPolynomial(Subtractable):
                 return self.ring.constant(root)
         if value == 0 and name in RULES and RULES[name].at_zero is not None:
             return self.ring.constant(RULES[name].at_zero)
+        if value == 0 and exponent is not None and exponent._constant() > 0:
+            return self.ring.zero
         raise NotClosed
 
     def solve(self, rate: Fraction, initial: Fraction) -> ExponentialPolynomial:

@@ -153,11 +153,27 @@ def _extreme_rays(basis: sp.Matrix) -> list[list[sp.Expr]]:
     return found
 
 
-def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
-    numerators = coprime_numerators(direction)
+def linear_relations(components: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[list[sp.Expr]] | None:
+    """A basis of the c free of `states` with sum_i c_i L_i = 0 for the `components` L; None over budget.
+
+    Of quotients that are long over one denominator it holds what can be seen as they are written.
+
+    The last entry of each that is not zero stands where all others have zeros.
+    """
+    numerators = coprime_numerators(components)
     if numerators is None:
+        # Too long over one denominator. As they are written, quotients count as unknowns.
+        if any(quotient(term) is None for component in components for term in sp.Add.make_args(component)):
+            return None
+        numerators = components
+    return _left_null_space(_coefficient_rows(numerators, states))
+
+
+def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    relations = linear_relations(direction, states)
+    if relations is None:
         return []
-    vectors = nonnegative_basis(_left_null_space(_coefficient_rows(numerators, states)))
+    vectors = nonnegative_basis(relations)
     held = [[i for i, c in enumerate(vector) if c != 0] for vector in vectors]
     integrals = [sp.Add(*[vector[i] * states[i] for i in places]) for vector, places in zip(vectors, held)]
     # Single states first, then in the order of the first state they contain.

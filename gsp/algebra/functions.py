@@ -7,6 +7,8 @@ k v_k = sum_j j u_j rate_(k-j). The operands support + - *, `inverse()` and `app
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
+from operator import add
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -48,9 +50,10 @@ RULES: dict[str, Rule] = {
     "sign": Rule(None),
 }
 # Written with `sign`: by `composed`, once for every kind of operand.
-COMPOSED = ("Abs", "Heaviside", "Max", "Min")
-# What has a kink or a jump.
-NON_SMOOTH = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
+COMPOSED = ("Abs", "Heaviside", "Max", "Min", "Piecewise")
+# What may jump, and what has a kink or a jump.
+JUMPS = (sp.sign, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
+NON_SMOOTH = (sp.Abs, sp.Max, sp.Min, *JUMPS)
 CONSTANTS = {"pi": sp.pi, "E": sp.E}
 
 
@@ -71,15 +74,12 @@ def parts(expression: sp.Expr) -> tuple[str, tuple[sp.Expr, ...]]:
     name = type(expression).__name__
     if name not in RULES and name not in COMPOSED:
         known = ", ".join(sorted([*RULES, *COMPOSED], key=str.lower))
-        if isinstance(expression, sp.Piecewise):
-            remedy = (
-                "Write it with Abs, sign, Max, Min or Heaviside, or take solve_manifold, which needs no series."
-            )
-        else:
-            remedy = "Replace it by one of them, or declare it as a state with its own equation."
+        remedy = "Replace it by one of them, or declare it as a state with its own equation."
         raise UnsupportedFunctionError(
             f"{expression} has no power series rule.", f"The functions that have one are {known}. {remedy}"
         )
+    if isinstance(expression, sp.Piecewise):
+        return name, _pieces(expression)
     # The second argument of Heaviside is its value on the switching set, where there is no series.
     return name, expression.args[:1] if name == "Heaviside" else expression.args
 
@@ -87,7 +87,8 @@ def parts(expression: sp.Expr) -> tuple[str, tuple[sp.Expr, ...]]:
 def composed(name: str, operands: Sequence[Operand]) -> Operand:
     """One of `COMPOSED` of real operands off its switching set.
 
-    |u| = sign(u) u, Heaviside(u) = (1 + sign(u))/2, Max(a, b) = (a + b + |a - b|)/2, Min with a minus.
+    |u| = sign(u) u, Heaviside(u) = (1 + sign(u))/2, Max(a, b) = (a + b + |a - b|)/2, Min with a minus. The operands of
+    Piecewise are its values, each with its share, 1 where it is taken and 0 elsewhere.
     """
     half = sp.Rational(1, 2)
     first = operands[0]
@@ -95,11 +96,49 @@ def composed(name: str, operands: Sequence[Operand]) -> Operand:
         return first.apply("sign") * first
     if name == "Heaviside":
         return (first.apply("sign") + 1) * half
+    if name == "Piecewise":
+        return reduce(add, [value * share for value, share in zip(operands[::2], operands[1::2])])
     for other in operands[1:]:
         difference = first + (-other)
         distance = difference.apply("sign") * difference
         first = (first + other + (distance if name == "Max" else -distance)) * half
     return first
+
+
+def _pieces(expression: sp.Piecewise) -> tuple[sp.Expr, ...]:
+    """Each value and its share, in turn; raises `UnsupportedFunctionError` where some place has no value."""
+    left: sp.Expr = sp.S.One
+    operands: list[sp.Expr] = []
+    for value, condition in expression.args:
+        share = _share(condition, expression)
+        operands += [value, left * share]
+        left *= 1 - share
+    if left != 0:
+        raise UnsupportedFunctionError(
+            f"{expression} has no value where none of its conditions holds.",
+            "End it with a value for all else.",
+        )
+    return tuple(operands)
+
+
+def _share(condition: Any, whole: sp.Expr) -> sp.Expr:
+    """1 where `condition` holds and 0 elsewhere, in signs, off the surfaces where it changes."""
+    if condition in (sp.true, sp.false):
+        return sp.Integer(bool(condition))
+    if isinstance(condition, (sp.Eq, sp.Ne)):
+        return sp.Integer(isinstance(condition, sp.Ne))
+    if isinstance(condition, (sp.Gt, sp.Ge, sp.Lt, sp.Le)):
+        return (1 + sp.sign(condition.gts - condition.lts)) / 2
+    shares = [_share(part, whole) for part in condition.args]
+    if isinstance(condition, sp.Not):
+        return 1 - shares[0]
+    if isinstance(condition, sp.And):
+        return sp.Mul(*shares)
+    if isinstance(condition, sp.Or):
+        return 1 - sp.Mul(*[1 - share for share in shares])
+    raise UnsupportedFunctionError(
+        f"{whole} has the condition {condition}.", "Write it with inequalities, And, Or and Not."
+    )
 
 
 def require_rules(equations: Mapping[str, sp.Expr]) -> None:
@@ -117,11 +156,17 @@ def are_rational(expressions: Iterable[sp.Expr]) -> bool:
     seen: set[sp.Expr] = set()
     for expression in expressions:
         # In the order in which they are met, so that an error names the same function every time.
-        for piece in sp.preorder_traversal(expression):
+        walk = sp.preorder_traversal(expression)
+        for piece in walk:
             if piece not in seen and not is_rational_node(piece):
                 seen.add(piece)
-                parts(piece)
+                _, operands = parts(piece)
                 rational = False
+                if isinstance(piece, sp.Piecewise):
+                    # Conditions are no expressions: what stands for them is looked at.
+                    are_rational(operands)
+            if isinstance(piece, sp.Piecewise):
+                walk.skip()
     return rational
 
 

@@ -37,12 +37,31 @@ def polynomial_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Exp
     )
 
 
-def horner_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:
-    """The polynomial in nested form, the generator that occurs in most terms outermost.
+def horner_expression(
+    polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr], sizes: Sequence[int] = (), size: int = 0
+) -> sp.Expr:
+    """The polynomial over 2^size in nested form, the generator that occurs in most terms outermost.
 
-    More than `LONGEST` powers of a generator are a sum of nested forms, or SymPy's recursions end in the stack's limit.
+    With `sizes` generator i stands in it over 2^sizes[i]. More than `LONGEST` powers of a generator are a sum of nested
+    forms, or SymPy's recursions end in the stack's limit.
     """
-    return _horner(polynomial.to_dict(), list(range(len(meaning))), meaning)
+    terms, inner = polynomial.to_dict(), meaning
+    if size or any(sizes):
+        powers = {exponents: sum(map(int.__mul__, map(int, exponents), sizes)) for exponents in terms}
+        terms = {exponents: c * flint.fmpq(2) ** (powers[exponents] - size) for exponents, c in terms.items()}
+        inner = [m * sp.Integer(2) ** -k for m, k in zip(meaning, sizes)]
+    return _horner(terms, list(range(len(meaning))), inner)
+
+
+def reach(polynomial: flint.fmpq_mpoly, sizes: Sequence[int]) -> tuple[int, int]:
+    """(largest size of a term, furthest from 1 that a coefficient or a term is) in powers of 2, its generators i of
+    size 2^sizes[i]."""
+    largest, furthest = -(10**9), 0
+    for exponents, c in polynomial.to_dict().items():
+        own = int(c.p).bit_length() - int(c.q).bit_length()
+        whole = own + sum(map(int.__mul__, map(int, exponents), sizes))
+        largest, furthest = max(largest, whole), max(furthest, abs(own), abs(whole))
+    return largest, furthest
 
 
 def primitive_multiple(polynomial: flint.fmpq_mpoly) -> tuple[flint.fmpq_mpoly, sp.Rational]:

@@ -7,6 +7,7 @@ known one after another; `extend` computes the coefficient of the next order in 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 
 import sympy as sp
 
@@ -16,10 +17,14 @@ from gsp.algebra.ring_elements import RingElement
 from gsp.errors import UnsupportedFunctionError
 
 
+class SeriesEnds(UnsupportedFunctionError):
+    """A root or a kink of what is 0 at epsilon = 0: from the order asked for on it has no power series."""
+
+
 class SeriesNode:
     """One intermediate series of a `SeriesProgram`; supports + - * like the elements of the ring."""
 
-    __slots__ = ("coefficients", "index", "kind", "operands", "program")
+    __slots__ = ("coefficients", "index", "kind", "operands", "power", "program")
 
     def __init__(self, program: SeriesProgram, index: int, kind: str, operands: tuple) -> None:
         self.program = program
@@ -27,6 +32,8 @@ class SeriesNode:
         self.kind = kind
         self.operands = operands
         self.coefficients: list[RingElement] = []
+        # The exponent of a power, where it is a number.
+        self.power: sp.Expr = sp.Rational(1, 2) if operands[:1] == ("sqrt",) else sp.Integer(0)
 
     def __add__(self, other: SeriesNode | int) -> SeriesNode:
         return self.program.add(self, self.program.lift(other))
@@ -100,6 +107,8 @@ class SeriesProgram:
                 node = composed(name, inner)
             else:
                 node = self.function(name, inner[0], inner[1] if len(inner) > 1 else None)
+                if name == "pow" and operands[1].is_number:
+                    node.power = operands[1]
         self._read[expression] = node
         return node
 
@@ -139,6 +148,17 @@ class SeriesProgram:
             return self._known[key]
         node = self._append("function", (name, u, exponent))
         self._known[key] = node
+        return node
+
+    def _rate(self, node: SeriesNode, k: int) -> SeriesNode:
+        """The derivative of a function's node by u, known before order k.
+
+        It is built when it is first asked for: the value of a root at 0 is there where its derivative is not.
+        """
+        name, u, exponent, *rates = node.operands
+        if rates:
+            return rates[0]
+        built = len(self._nodes)
         if exponent is not None:
             rate = self.multiply(exponent, self.multiply(node, u.inverse()))
         elif RULES[name].rate is None:
@@ -146,7 +166,12 @@ class SeriesProgram:
         else:
             rate = RULES[name].rate(node, u)  # pyright: ignore[reportOptionalCall]
         node.operands = (name, u, exponent, rate)
-        return node
+        for j in range(k):
+            # A node's own rate, where it is a function too, is built behind it.
+            for new in islice(self._nodes, built, None):
+                if len(new.coefficients) == j:
+                    new.coefficients.append(self._coefficient(new, j))
+        return rate
 
     def _append(self, kind: str, operands: tuple) -> SeriesNode:
         node = SeriesNode(self, len(self._nodes), kind, operands)
@@ -204,19 +229,32 @@ class SeriesProgram:
                 return u[0].inverse()
             v = node.coefficients
             return -(v[0] * _sum([u[j] * v[k - j] for j in range(1, k + 1)], ring)).reduced()
-        name, u, exponent, rate = operands
+        name, u, exponent = operands[:3]
         if k == 0:
             arguments = () if exponent is None else (exponent.coefficients[0],)
             return u.coefficients[0].apply(name, *arguments)
+        if node.power > 0 and u.coefficients[0].is_zero:
+            return self._power_of_small(u, node.power, k)
         if name == "sign" and u.coefficients[0].is_zero and not u.coefficients[k].is_zero:
-            raise UnsupportedFunctionError(
-                "the switching function of Abs, sign, Max, Min or Heaviside is zero on the whole branch at "
-                "epsilon = 0 and not beyond: the slow manifold has no power series across that kink.",
+            raise SeriesEnds(
+                "the switching function of Abs, sign, Max, Min or Heaviside is zero at epsilon = 0 and not beyond: "
+                "there is no power series across that kink.",
                 "Declare the smooth field of one side, or take solve_manifold.",
             )
         # k v_k = sum_(j=1..k) j u_j rate_(k-j): v' = rate u'; the rate is needed through order k - 1 only.
+        rate = self._rate(node, k)
         terms = [u.coefficients[j] * rate.coefficients[k - j] * j for j in range(1, k + 1)]
         return (_sum(terms, ring) * (ring.constant(sp.Rational(1, k)))).reduced()
+
+    def _power_of_small(self, u: SeriesNode, power: sp.Expr, k: int) -> RingElement:
+        """The coefficient of epsilon^k of u^power with u_0 = 0: u = O(epsilon^m) makes it O(epsilon^(m power))."""
+        m = next((j for j, term in enumerate(u.coefficients[: k + 1]) if not term.is_zero), k + 1)
+        if k < m * power:
+            return self.ring.zero
+        raise SeriesEnds(
+            f"the power {power} of what is 0 at epsilon = 0 has no power series in epsilon from order {k} on.",
+            "Ask for a lower order, or move to where it is not 0.",
+        )
 
 
 def convolve(a: Sequence[RingElement], b: Sequence[RingElement], k: int, ring: LocalisedRing) -> RingElement:

@@ -119,6 +119,8 @@ class Printer(CodePrinter):
         if name == "Heaviside":
             # Off the switching set, on which no reduced flow is defined.
             return f"(0.5*(1.0 + {self._call('sign', expr.args[0])}))"
+        if name in ("asinh", "acosh", "atanh") and name not in self._in.functions:
+            return self.text(expr.rewrite(sp.log))
         if len(expr.args) == 1:
             return self._call(name, expr.args[0])
         self._print_not_supported(expr)

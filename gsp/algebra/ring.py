@@ -17,7 +17,13 @@ import sympy as sp
 
 from gsp.algebra.factorisation import FACTOR_TERMS, MULTIPLE
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
-from gsp.algebra.polynomials import horner_expression, polynomial_expression, primitive_multiple, rational
+from gsp.algebra.polynomials import (
+    horner_expression,
+    polynomial_expression,
+    primitive_multiple,
+    rational,
+    reach,
+)
 from gsp.algebra.ring_elements import RingElement, exponents_sum, number_of, power
 from gsp.errors import BudgetError
 
@@ -52,9 +58,6 @@ class LocalisedRing:
         derivations: int = 0,
     ) -> None:
         symbols = (*coordinates, *constants)
-        # Lexicographic with the adjoined functions first when there are any: division by a relation such as
-        # s^2 + c^2 - 1 or q^2 - u then lowers the power of s or q, whatever the degree of u.
-        self._ordering = flint.Ordering.lex if functions else flint.Ordering.degrevlex
         self._names = [f"g{i}" for i in range(len(symbols))]
         self._room = 0
         self._meaning: list[sp.Expr] = list(symbols)
@@ -71,6 +74,8 @@ class LocalisedRing:
         # u and exp(u).
         self._exponentials: list[tuple[RingElement, RingElement]] = []
         self.derivations = derivations
+        # How large symbols are where elements are evaluated, in powers of 2, as far as that is known.
+        self.sizes: dict[sp.Symbol, int] = {}
         self._derivatives: list[dict[int, RingElement]] = [{} for _ in range(derivations)]
         self._pending: dict[int, tuple[str, RingElement, RingElement | None]] = {}
         self._constant = {self._index[symbol] for symbol in constants}
@@ -88,7 +93,10 @@ class LocalisedRing:
         self._names = [f"a{i}" for i in reversed(range(first, first + more))] + self._names
         self._meaning = [sp.nan] * more + self._meaning
         self._room += more
-        self.context = flint.fmpq_mpoly_ctx.get(self._names, self._ordering)
+        # Lexicographic with the adjoined functions first when there are any: division by a relation such as
+        # s^2 + c^2 - 1 or q^2 - u then lowers the power of s or q, whatever the degree of u.
+        ordering = flint.Ordering.lex if self._room else flint.Ordering.degrevlex
+        self.context = flint.fmpq_mpoly_ctx.get(self._names, ordering)
         self._gens = self.context.gens()
 
         def moved(polynomial: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
@@ -102,14 +110,18 @@ class LocalisedRing:
 
     # -- denominators ------------------------------------------------------------------------------
 
-    def denominator_index(self, factor: flint.fmpq_mpoly) -> int:
-        """Index of the monic irreducible `factor` among the denominators, appended when it is new."""
+    def denominator_index(self, factor: flint.fmpq_mpoly) -> tuple[int, flint.fmpq]:
+        """Index of the monic irreducible `factor` among the denominators, appended when it is new, and their quotient.
+
+        A denominator from before the first function was adjoined is monic in the ordering of that time.
+        """
         for i, known in enumerate(self.denominators):
-            if known == factor:
-                return i
+            leading = known.leading_coefficient()
+            if known == (factor if leading == 1 else factor * leading):
+                return i, leading
         self.denominators.append(factor)
         self._powers.append([self.one.numerator, factor])
-        return len(self.denominators) - 1
+        return len(self.denominators) - 1, flint.fmpq(1)
 
     def denominator_power(self, i: int, exponent: int) -> flint.fmpq_mpoly:
         """D_i to a power, remembered."""
@@ -180,9 +192,8 @@ class LocalisedRing:
 
     def constant(self, value: sp.Rational | int) -> RingElement:
         """A rational number as an element."""
-        rational = sp.Rational(value)
-        number = flint.fmpq(int(rational.p), int(rational.q))
-        return RingElement(self, self.context.constant(1) * number, ())
+        exact = sp.Rational(value)
+        return RingElement(self, self.context.constant(1) * flint.fmpq(int(exact.p), int(exact.q)), ())
 
     def set_derivative(self, symbol: sp.Symbol, j: int, image: RingElement) -> None:
         """Let derivation j map the generator of `symbol` to `image`; the default is 0."""
@@ -212,10 +223,7 @@ class LocalisedRing:
             polynomial = polynomial.project_to_context(self.context)
             degrees = polynomial.degrees()
         for i, image in self._derivatives[j].items():
-            if degrees[i] <= 0:
-                continue
-            partial = polynomial.derivative(i)
-            if partial != 0:
+            if degrees[i] > 0 and (partial := polynomial.derivative(i)) != 0:
                 total = total + RingElement(self, self.product(partial, image.numerator), image.exponents)
         return total
 
@@ -328,14 +336,22 @@ class LocalisedRing:
         return scale * sp.Mul(numerator, *denominator)
 
     def horner(self, a: RingElement) -> sp.Expr:
-        """The element for evaluation: numerator in Horner form, denominators kept factored."""
-        numerator = horner_expression(a.numerator, self._meaning)
-        powers = [
-            polynomial_expression(self.denominators[i], self._meaning) ** (-exponent)
-            for i, exponent in enumerate(a.exponents)
-            if exponent
-        ]
-        return sp.Mul(numerator, *powers)
+        """The element for evaluation: numerator in Horner form, denominators kept factored; symbols over their `sizes`
+        where powers of them would come near the ends of the doubles' range."""
+        powers = [(self.denominators[i], exponent) for i, exponent in enumerate(a.exponents) if exponent]
+        sizes = [self.sizes.get(symbol, 0) for symbol in self._meaning]
+        if any(sizes) and not a.is_zero:
+            reaches = [(reach(p, sizes), exponent) for p, exponent in [(a.numerator, 1), *powers]]
+            # Elements reach no further from 1 than this power of 2 where they are evaluated: a derivative,
+            # which squares denominators, times another stays within the doubles' 2^1022 then.
+            if max(furthest * exponent for (_, furthest), exponent in reaches) > 256:
+                size, below = 0, []
+                for (p, exponent), ((largest, _), _) in zip(powers, reaches[1:]):
+                    size += largest * exponent
+                    below.append(horner_expression(p, self._meaning, sizes, largest) ** -exponent)
+                return sp.Mul(horner_expression(a.numerator, self._meaning, sizes, size), *below)
+        below = [polynomial_expression(p, self._meaning) ** -exponent for p, exponent in powers]
+        return sp.Mul(horner_expression(a.numerator, self._meaning), *below)
 
 
 def read(expression: sp.Expr, ring: Any, environment: dict[sp.Symbol, Any], cache: dict | None = None) -> Any:

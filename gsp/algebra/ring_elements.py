@@ -148,7 +148,8 @@ class RingElement(Subtractable):
             if root is not None:
                 rationalised = rationalised * power(root(), multiplicity)
                 continue
-            i = ring.denominator_index(monic)
+            i, quotient = ring.denominator_index(monic)
+            content = content / quotient**multiplicity
             exponents += [0] * (len(ring.denominators) - len(exponents))
             exponents[i] += multiplicity
         numerator = ring.one.numerator * (1 / flint.fmpq(content))

@@ -95,7 +95,19 @@ class SharedPower(_Shared, sp.Pow):
     __slots__ = ("_digest", "_symbols")
 
 
-_KINDS: dict[str, Any] = {kind.__name__: kind for kind in (SharedSum, SharedProduct, SharedPower)}
+class SharedMaximum(_Shared, sp.Max):
+    """The largest as it stands."""
+
+    __slots__ = ("_digest", "_symbols")
+
+    def __new__(cls, *args: Expr, evaluate: bool = False) -> SharedMaximum:
+        # SymPy puts the operands in order by their sizes, and walks what is shared as often as it is used.
+        return sp.Expr.__new__(cls, *args)
+
+
+_KINDS: dict[str, Any] = {
+    kind.__name__: kind for kind in (SharedSum, SharedProduct, SharedPower, SharedMaximum)
+}
 
 
 def _made(name: str, args: Sequence[Expr]) -> Expr:
@@ -117,6 +129,24 @@ def parts_of(expression: Expr) -> list[Expr]:
             found[part] = None
             stack.extend(part.args)
     return list(found)
+
+
+def operations(expressions: Iterable[Expr]) -> int:
+    """How many operations `expressions` have when they are written out, what is shared as often as it is used."""
+    known: dict[Expr, int] = {}
+    total = 0
+    for expression in expressions:
+        stack = [expression]
+        while stack:
+            part = stack[-1]
+            pending = [inner for inner in part.args if inner.args and inner not in known]
+            if pending and part not in known:
+                stack.extend(pending)
+                continue
+            known.setdefault(part, sum(known.get(inner, 0) for inner in part.args) + max(len(part.args) - 1, 1))
+            stack.pop()
+        total += known[expression] if expression.args else 0
+    return total
 
 
 def holding(expressions: Iterable[Expr], atoms: Collection[Expr]) -> list[bool]:
@@ -167,6 +197,11 @@ def times(*factors: Expr) -> Expr:
 def reciprocal(factor: Expr) -> Expr:
     """One over it."""
     return 1 / factor if factor.is_Number else _made("SharedPower", [factor, sp.S.NegativeOne])
+
+
+def largest(*operands: Expr) -> Expr:
+    """The largest of them."""
+    return _made("SharedMaximum", operands)
 
 
 def is_shared(expression: Expr) -> bool:

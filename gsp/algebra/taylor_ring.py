@@ -24,7 +24,8 @@ Scalar = Any
 # Digits in which values that are neither rational nor algebraic are shown.
 DIGITS = 50
 
-_PARTNERS = {
+# Each with its derivative up to a sign: name to (sine, cosine, sign of cosine's derivative).
+PARTNERS = {
     "sin": ("sin", "cos", -1),
     "cos": ("sin", "cos", -1),
     "sinh": ("sinh", "cosh", 1),
@@ -277,8 +278,8 @@ class Taylor(Subtractable):
         if name in CONSTANTS or name == "sign" or self.polynomial.length() <= 1:
             return Taylor(ring, start.polynomial, self.length)
         slope = self.derivative()
-        if name in _PARTNERS:
-            sine, cosine, sign = _PARTNERS[name]
+        if name in PARTNERS:
+            sine, cosine, sign = PARTNERS[name]
             s0, c0 = (ring.scalar(scalars.function(n, self[0], None)) for n in (sine, cosine))
             s, c = s0, c0
             for _ in range(self.length):

@@ -35,16 +35,16 @@ from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.trajectory import Trajectory
 from gsp.results.attempts import Missing, attempt, made
 from gsp.results.drawn import Drawn
+from gsp.scenes.bearing import no_slip_of
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.singular.mixed_modes import MixedMode
+from gsp.sliding.no_slip import NoSlip
 from gsp.slow.raw_series import RawManifold, carry_back
 from gsp.slow.series import READABLE, SeriesManifold
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_order, check_orders
 
-# Boxes that are tried for a proof: a fraction of a second.
-PROOF_BOXES = 500
 # The failure map of a report, coarser than its own: epsilons, positions, tolerances, and orders.
 MAP = (11, 25, 8)
 MAP_ORDERS = (0, 1, 2)
@@ -65,8 +65,9 @@ class Analysis(Drawn):
     stage, `versions` of what computed it.
 
     `phenomenon` goes on through the folds where there are any: a long run of the full system that swings over them
-    again and again, over more than one slow variable with its swings counted; None where there is none. `ending` says
-    why the series has not all the orders asked for, where the exact algebra did not reach them.
+    again and again, over more than one slow variable with its swings counted; None where there is none. `no_slip`
+    says whether contacts with dry friction stick along the run; None without any. `ending` says why the series has
+    not all the orders asked for, where the exact algebra did not reach them.
 
     What a stage could not make is left out: reading it raises `MissingPartError`, and `lost` gives the reason by name.
     """
@@ -91,6 +92,7 @@ class Analysis(Drawn):
     timings: Mapping[str, float]
     versions: Mapping[str, str]
     phenomenon: Trajectory | MixedMode | None = None
+    no_slip: NoSlip | None = None
     ending: str = ""
 
     def __post_init__(self) -> None:
@@ -145,6 +147,8 @@ class Analysis(Drawn):
         parts = [str(self.study.splitting)] if self.study.splitting else []
         if "choice" not in self.lost:
             parts.insert(0, str(self.choice.verdict))
+        if "no_slip" not in self.lost and self.no_slip is not None:
+            parts.insert(1, str(self.no_slip))
         shown = [str(getattr(self, name)) for name in ("series", "comparison") if name not in self.lost]
         if "series" not in self.lost and self.cut:
             shown.append(self.cut)
@@ -196,6 +200,7 @@ def analyse(
 
     with stage("boundary"):
         part("boundary", lambda: boundary_of(study, hyperbolicity))
+        part("no_slip", lambda: no_slip_of(study))
     with stage("series"):
         series = part("series", lambda: _series(study, order))
         shown = part("shown", lambda: made(series).readable(READABLE))
@@ -254,7 +259,8 @@ def _short(study: Study, orders: Sequence[int]) -> tuple[int, ...]:
 def _with_proof(hyperbolicity: Hyperbolicity) -> Hyperbolicity:
     """With a certificate where a small budget gives one; what has no enclosure stays sampled."""
     try:
-        return hyperbolicity.with_proof(most_boxes=PROOF_BOXES)
+        # Boxes that are tried for a proof: a fraction of a second.
+        return hyperbolicity.with_proof(most_boxes=500)
     except (BranchError, UnsupportedFunctionError):
         return hyperbolicity
 

@@ -6,8 +6,9 @@ leaves a reason instead of a result.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
@@ -16,24 +17,24 @@ from gsp.critical.branch import Branch
 from gsp.critical.continuation.critical_curve import CriticalCurve, uninterrupted
 from gsp.critical.continuation.critical_sheet import CriticalSheet, critical_sheet
 from gsp.critical.continuation.curve_continuation import continue_critical
-from gsp.critical.loss_kind import LossKind
-from gsp.errors import NO_REASON, GspError, Reason
+from gsp.critical.continuation.special_points import SpecialPoint
+from gsp.critical.sampling import Sampler
+from gsp.cycles.cycle_certificate import CycleCertificate, certify_cycle
+from gsp.cycles.passage_certificate import PassageCertificate, certify_passage
+from gsp.errors import NO_REASON, GspError, Reason, UnsupportedFunctionError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
-from gsp.scenes.study import Study
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
+from gsp.scenes.study import IMAGE_POINTS, Study
+from gsp.singular.blow_up.blow_up import BlowUp, blow_up
+from gsp.singular.passage.entry_exit import entry_exit
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.fold_passage import FoldPassage, fold_passage
+from gsp.singular.passage.fold_passage import FoldPassage, passage_at
 from gsp.singular.singular_orbit import SingularOrbit, singular_orbit
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canard_value import CanardValue, canard_value
 from gsp.singular.singularities.folded_singularities import FoldedSingularity, folded_singularities
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, state_sizes
 
-# The critical manifold is followed in a box wider than the region by so many of its widths on every side.
-WIDENED = 1.5
-# Slow pieces of a singular orbit: orbits that close do so within a few, or creep to it like a contraction.
-PIECES = 60
-# A canard point is that of the scene when it lies this near to the fold and to the declared parameter.
-HERE = 1e-6
 # Functions that are smooth wherever they are finite: a graph of them has no folds.
 SMOOTH = (sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh)
 
@@ -66,6 +67,9 @@ class Boundary:
     over one or two slow variables, else None. `folds` are those of a curve, `folded` the folded singularities on a
     sheet (empty for the `folded_reason`, if any), `orbit` the singular orbit from the scene's start (None for the
     `orbit_reason`, or when there is no fold), and `period` the three coefficients of its period when it closes.
+    In the plane `cycle` is then what is proved of the cycle near it for every epsilon up to that of the scene, and
+    `passage` what is proved of the first loss of hyperbolicity that orbits from the start meet; None where they meet
+    none.
     """
 
     surroundings: CriticalCurve | CriticalSheet | None
@@ -75,6 +79,8 @@ class Boundary:
     orbit: SingularOrbit | None = None
     orbit_reason: Reason = NO_REASON
     period: tuple[float, float, float] | None = None
+    cycle: CycleCertificate | None = None
+    passage: PassageCertificate | None = None
 
     @property
     def has_folds(self) -> bool:
@@ -103,13 +109,16 @@ def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
     around = surroundings(study)
     found = Boundary(around)
     if isinstance(around, CriticalCurve):
-        places = [point.point for point in around.special if point.kind is LossKind.FOLD]
+        places = [point.point for point in around.special if point.kind.is_fold]
         found = Boundary(around, folds=tuple(_beyond(study, place) for place in places))
     if not found.has_folds:
-        return found
+        return replace(found, passage=_proved_passage(study, None))
     folded, folded_reason = _folded(study, box)
     orbit, period, orbit_reason = _orbit(study, hyperbolicity)
-    return Boundary(around, found.folds, folded, folded_reason, orbit, orbit_reason, period)
+    return Boundary(
+        around, found.folds, folded, folded_reason, orbit, orbit_reason, period, _cycle(study, orbit),
+        _proved_passage(study, orbit),
+    )  # fmt: skip
 
 
 def surroundings(study: Study) -> CriticalCurve | CriticalSheet | None:
@@ -136,7 +145,7 @@ def not_followed(study: Study) -> GspError | None:
             got=f"{len(system.x)} in {name}",
             value=len(system.x),
         )
-    unbounded = [y.name for y in system.y if y.name not in study.region]
+    unbounded = [y.name for y in system.y if y.name not in _box(study)]
     if len(system.x) == 2 and unbounded:
         return GspError(
             "over two slow variables folds are followed in a box.",
@@ -155,6 +164,42 @@ def not_followed(study: Study) -> GspError | None:
                 point=start,
             )
     return None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LocalScales:
+    """The blow-up of a special point, or of a point half way along a curve of folds; None for the `reason`."""
+
+    title: str
+    point: Mapping[str, float]
+    blow_up: BlowUp | None
+    reason: Reason = NO_REASON
+
+    def __str__(self) -> str:
+        return f"{self.title}: {self.reason if self.blow_up is None else self.blow_up.line}"
+
+
+def local_scales(study: Study, found: CriticalCurve | CriticalSheet) -> list[LocalScales]:
+    """The weights and powers of epsilon at every special point of what `surroundings` has found, and on its folds."""
+    curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
+    scales = []
+    for curve in curves:
+        if not isinstance(curve, CriticalCurve):
+            place = {name: float(curve[name][len(curve) // 2]) for name in curve.names}
+            scales.append(_local_scales(study, "along the curve of folds", place, place))
+        for point in curve.special:
+            shown = ", ".join(f"{name} = {value:.6g}" for name, value in point.point.items())
+            scales.append(_local_scales(study, f"{point.kind} at {shown}", point.point, point))
+    return scales
+
+
+def _local_scales(
+    study: Study, title: str, point: Mapping[str, float], near: Mapping[str, float] | SpecialPoint
+) -> LocalScales:
+    try:
+        return LocalScales(title, point, blow_up(study.system, near=near))
+    except GspError as error:
+        return LocalScales(title, point, None, error.reason)
 
 
 def _on_branch(study: Study) -> dict[str, float]:
@@ -178,15 +223,36 @@ def never_folds(branch: Branch) -> bool:
 
 
 def _box(study: Study) -> dict[str, Interval]:
+    """The region widened, with what v of a switch is on the branch over it where the scene has no bounds on v."""
+    system, region = study.system, dict(study.region)
+    open_switches = {switch.fast.name for switch in study.switches} - region.keys()
+    if open_switches:
+        axes = [np.linspace(*study.region[x.name], IMAGE_POINTS) for x in system.x]
+        heights, good = Sampler(study.branch).over(np.array(list(itertools.product(*axes))), None)
+        for y, values in zip(system.y, heights[good].T) if good.any() else ():
+            if y.name in open_switches:
+                region[y.name] = (float(values.min()), float(values.max()))
+    # The critical manifold is followed in a box wider than the region by so many of its widths on every side.
+    widths = {name: 1.5 * (high - low) for name, (low, high) in region.items()}
+    box = {name: (low - widths[name], high + widths[name]) for name, (low, high) in region.items()}
+    # An edge at zero, where a rate may have its pole, is at zero in any units.
+    rounding = {name: 4.0 * np.finfo(float).eps * width for name, width in widths.items()}
     return {
-        name: (low - WIDENED * (high - low), high + WIDENED * (high - low))
-        for name, (low, high) in study.region.items()
+        name: (low if abs(low) > rounding[name] else 0.0, high if abs(high) > rounding[name] else 0.0)
+        for name, (low, high) in box.items()
     }
+
+
+def switch_ends(study: Study) -> tuple[Loss, ...]:
+    """Where the sheet of a switch ends in the region, at folds of the fields on its sides; empty without a switch."""
+    if not study.switches:
+        return ()
+    return tuple(loss for loss in study.hyperbolicity.losses if loss.crossing is Contact.SATURATION)
 
 
 def _beyond(study: Study, fold: Mapping[str, float]) -> FoldBeyond:
     try:
-        return FoldBeyond(fold, fold_passage(study.system, fold), None, NO_REASON)
+        return FoldBeyond(fold, passage_at(study.system, fold, sizes=study.branch.units), None, NO_REASON)
     except PassageError as error:
         return FoldBeyond(fold, None, _canard(study, fold), error.reason)
 
@@ -202,9 +268,9 @@ def _canard(study: Study, fold: Mapping[str, float]) -> CanardValue | None:
         found = canard_value(system, parameter=parameter, order=1, near=here)
     except CanardError:
         return None
-    near = all(
-        abs(float(found.point[name]) - value) <= HERE * (1.0 + abs(value)) for name, value in here.items()
-    )
+    sizes = state_sizes(study.region, here)
+    # A canard point is that of the scene when it lies this near to the fold and to the declared parameter.
+    near = all(abs(float(found.point[name]) - value) <= 1e-6 * sizes[name] for name, value in here.items())
     return found if near else None
 
 
@@ -217,13 +283,49 @@ def _folded(study: Study, box: Mapping[str, Interval]) -> tuple[tuple[FoldedSing
         return (), error.reason
 
 
+def _cycle(study: Study, orbit: SingularOrbit | None) -> CycleCertificate | None:
+    if orbit is None or not is_planar(study):
+        return None
+    try:
+        return certify_cycle(orbit, epsilon=study.scene.epsilon)
+    except UnsupportedFunctionError:
+        return None
+
+
+def is_planar(study: Study) -> bool:
+    """Whether there are one slow and one fast variable."""
+    return len(study.system.x) == len(study.system.y) == 1
+
+
+def proved_passage(study: Study, fold: FoldPassage | None) -> PassageCertificate:
+    """What is proved of orbits from the start through the `fold` in which their slow piece ends, or past what the
+    branch meets where there is none; raises what `entry_exit` and `certify_passage` raise.
+    """
+    slow = {x.name: study.start[x.name] for x in study.system.x}
+    if fold is not None:
+        return certify_passage(fold, start=slow, epsilon=study.scene.epsilon)
+    return certify_passage(entry_exit(study.branch, start=slow), epsilon=study.scene.epsilon)
+
+
+def _proved_passage(study: Study, orbit: SingularOrbit | None) -> PassageCertificate | None:
+    if not is_planar(study):
+        return None
+    try:
+        found = proved_passage(study, None if orbit is None else orbit.pieces[0].fold)
+    except GspError:
+        return None
+    return found if isinstance(found.passage, FoldPassage) or found.passage.losses else None
+
+
 def _orbit(
     study: Study, hyperbolicity: Hyperbolicity
 ) -> tuple[SingularOrbit | None, tuple[float, float, float] | None, Reason]:
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return None, None, Reason(f"the branch is {hyperbolicity.kind}, so no singular orbit starts on it")
     try:
-        orbit = singular_orbit(study.branch, study.start, max_pieces=PIECES)
+        # Slow pieces of a singular orbit: orbits that close do so within a few, or creep to it like a
+        # contraction.
+        orbit = singular_orbit(study.branch, study.start, max_pieces=60)
         return orbit, orbit.coefficients, NO_REASON
     except GspError as error:
         return None, None, error.reason

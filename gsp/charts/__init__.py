@@ -12,17 +12,22 @@ from functools import partial
 from matplotlib.axes import Axes
 
 from gsp.analysis.analysis import Analysis
+from gsp.analysis.ramp_answers import drawn_ramp
 from gsp.charts.accuracy import error_against_epsilon
+from gsp.charts.averaging import averaging
 from gsp.charts.canard_orbits import canard_orbits, canard_section
+from gsp.charts.contacts import no_slip
 from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.explosion import canard_cycles, canard_explosion
 from gsp.charts.failures import failure_map, failures_along, failures_by_tolerance
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
+from gsp.charts.nested import nesting
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
-from gsp.charts.passage import delayed_exit, fold_passage
+from gsp.charts.passage import delayed_exit, fold_passage, passage_strip
 from gsp.charts.proofs import has_boxes, proof
-from gsp.charts.relaxation import mixed_mode, relaxation, singular_orbit
+from gsp.charts.ramps import critical_rate, rate_diagram
+from gsp.charts.relaxation import cycle_annulus, mixed_mode, relaxation, singular_orbit
 from gsp.charts.runs import periodic_orbit, spread, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
@@ -32,6 +37,7 @@ from gsp.charts.time_scales import time_scales
 from gsp.charts.views import view
 from gsp.charts.work_curves import work_precision
 from gsp.critical.continuation.critical_sheet import CriticalSheet
+from gsp.cycles.passage_certificate import PassageCertificate
 from gsp.errors import DeclarationError
 from gsp.results.attempts import attempt
 from gsp.results.registry import draw
@@ -40,6 +46,7 @@ from gsp.systems.arguments import check_noun
 
 __all__ = [
     "applicable",
+    "averaging",
     "canard_cycles",
     "canard_explosion",
     "canard_orbits",
@@ -48,7 +55,9 @@ __all__ = [
     "composite",
     "convergence",
     "critical_curve",
+    "critical_rate",
     "critical_sheet",
+    "cycle_annulus",
     "delayed_exit",
     "distance",
     "draw",
@@ -64,11 +73,15 @@ __all__ = [
     "manifold",
     "method_errors",
     "mixed_mode",
+    "nesting",
+    "no_slip",
+    "passage_strip",
     "path",
     "periodic_orbit",
     "phase_portrait",
     "png",
     "proof",
+    "rate_diagram",
     "relaxation",
     "save",
     "shape",
@@ -106,6 +119,22 @@ def _failures(analysis: Analysis) -> Axes:
     return failure_map(analysis.failures, stacked=True)
 
 
+def _no_slip(analysis: Analysis) -> Axes:
+    assert analysis.no_slip is not None
+    return no_slip(analysis.no_slip)
+
+
+def _ramp(analysis: Analysis) -> Axes:
+    found = drawn_ramp(analysis.scene)
+    assert found is not None
+    return critical_rate(found)
+
+
+def _passage(analysis: Analysis) -> Axes:
+    assert analysis.boundary.passage is not None
+    return passage_strip(analysis.boundary.passage)
+
+
 def _phenomenon(analysis: Analysis) -> Axes:
     found = analysis.phenomenon
     return mixed_mode(found) if isinstance(found, MixedMode) else relaxation(analysis)
@@ -124,6 +153,10 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts[f"view_{name}"] = partial(view, name=name)
     if "phenomenon" in analysis.lost or analysis.phenomenon is not None:
         charts["phenomenon"] = _phenomenon
+    if "no_slip" in analysis.lost or analysis.no_slip is not None:
+        charts["no_slip"] = _no_slip
+    if attempt("the ramps", lambda: drawn_ramp(analysis.scene)) is not None:
+        charts["ramp"] = _ramp
     charts["phase_portrait"] = phase_portrait
     if attempt("the eigenvalues", lambda: has_constant_eigenvalues(analysis)) is not True:
         charts["eigenvalues"] = eigenvalues
@@ -143,4 +176,7 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     charts["convergence"] = convergence
     if analysis.failures is not None:
         charts["failure_map"] = _failures
+    proved = attempt("the passage", lambda: analysis.boundary.passage)
+    if isinstance(proved, PassageCertificate) and proved.epsilon_0 > 0.0:
+        charts["passage"] = _passage
     return charts

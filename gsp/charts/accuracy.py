@@ -9,6 +9,9 @@ from matplotlib.ticker import NullFormatter, NullLocator
 from gsp.charts.style import INK, MARKERS, PALE, SERIES, chart, legend, mathematics, plain
 from gsp.comparison.comparison import CLEARANCE, Comparison
 
+# Relative errors above this are not told apart.
+LOST = 10.0
+
 
 @chart(height=4.3)
 def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
@@ -23,6 +26,8 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
         colour, marker = SERIES[i % len(SERIES)], MARKERS[i % len(MARKERS)]
         exact = comparison.is_exact(order)
         if exact:
+            # Said in the legend: what is left is rounding, and no curve.
+            errors = np.full_like(errors, np.nan)
             label = f"order {order}: exact to rounding"
         elif np.isfinite(comparison.slopes[order]):
             label = (
@@ -30,13 +35,9 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
             )
         else:
             label = f"order {order}: not measured"
-        size = 5 + 2.5 * (len(comparison.errors) - i) if exact else 5
-        axes.plot(
-            epsilons, errors, color=colour, marker=marker, ms=size, lw=1.2, label=label,
-            mfc="none" if exact else colour, zorder=3,
-        )  # fmt: skip
+        axes.plot(epsilons, errors, color=colour, marker=marker, ms=5, lw=1.2, label=label, zorder=3)
         clear = np.isfinite(errors) & (errors > CLEARANCE * floor)
-        if not exact and clear.any():
+        if clear.any():
             anchor = np.flatnonzero(clear)[-1]
             guide = errors[anchor] * (epsilons / epsilons[anchor]) ** comparison.expected[order]
             axes.plot(epsilons, guide, color=colour, lw=6, alpha=0.16, solid_capstyle="butt", zorder=1)
@@ -59,7 +60,8 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
         axes.plot(
             [], [], color=SERIES[0], lw=6, alpha=0.16, solid_capstyle="butt", label="bands: expected slopes"
         )
-    bottom, top = everything.min() / 10, max(everything.max() * 10, 1e-11)
+    # An error above 1 says that a run is lost, however large it is.
+    bottom, top = everything.min() / 10, max(min(everything.max(), LOST) * 10, 1e-11)
     axes.fill_between(
         epsilons, bottom, floor, color=PALE, lw=0, label="error of the reference itself", zorder=0
     )

@@ -14,8 +14,6 @@ from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
 
 # Canards that get a label and a colour of their own, from the outermost inwards.
 LABELLED = 6
-# Nearer to the weak canard than this share of the picture no label is legible.
-TOO_NEAR = 0.03
 # Orbits of each sheet that are drawn in space, and points of each.
 ORBITS, POINTS = 60, 300
 # How far about the node is drawn in space, in local units along the section's variable.
@@ -49,7 +47,8 @@ def canard_section(orbits: CanardOrbits, axes: Axes, *, shown: int = LABELLED) -
     centre = places[-1] if turning else drawn[0]
     for place, k in zip(drawn, turning[:shown]):
         away = (place - centre) / (np.ptp(drawn, axis=0) + 1e-300)
-        if np.linalg.norm(away) < TOO_NEAR:
+        # Nearer to the weak canard than this share of the picture no label is legible.
+        if np.linalg.norm(away) < 0.03:
             continue
         away = away / (np.linalg.norm(away) or 1.0)
         axes.annotate(

@@ -19,6 +19,7 @@ from gsp.critical.loss_kind import LossKind
 STABILITY = {"attracting": (BLUE, "-"), "repelling": (VERMILION, "--"), "saddle": (PURPLE, "-.")}
 MARKERS: dict[LossKind, Any] = {
     LossKind.FOLD: {"marker": "o", "mfc": INK},
+    LossKind.SLIP_ONSET: {"marker": "o", "mfc": INK},
     LossKind.CUSP: {"marker": "D", "mfc": INK},
     LossKind.HOPF: {"marker": "s", "mfc": GREEN},
     LossKind.BOGDANOV_TAKENS: {"marker": "p", "mfc": AMBER},

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, name_axes, png
+from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, VERMILION, WIDTH, chart, name_axes, png
 from gsp.comparison.failure_map import FailureMap
-from gsp.comparison.survey import EXPLICIT, MANIFOLD, NEWTON
+from gsp.comparison.survey import EXPLICIT, MANIFOLD, NEWTON, NO_SLIP
 from gsp.systems.arguments import check_noun
 
 # Light to dark as more orders are needed.
@@ -31,10 +31,11 @@ def failures_along(result: FailureMap, axes: Axes) -> None:
     """Over (position, epsilon): the lowest order whose reduced flow meets the tolerance, what fails beyond it, and why.
 
     Hatched: explicit steps are held back by stability. Dots: the series is past its optimal order. Crosses: Newton's
-    method from the scene's start does not reach this sheet.
+    method from the scene's start does not reach this sheet. Hatched the other way: a contact lets go.
     """
     _colour(axes, result, result.positions, _cells_along(result))
     _hatch(axes, result, result.positions, _held_back_along(result))
+    _hatch(axes, result, result.positions, _lets_go(result), hatch="\\\\\\\\", colour=VERMILION)
     _mark(axes, result, _past(result), ".", 3.0)
     _mark(axes, result, _astray(result), "x", 3.0)
     name_axes(axes, result.axis, str(result.scene.system.epsilon))
@@ -101,6 +102,11 @@ def _held_back_demanded(result: FailureMap) -> np.ndarray:
     return ~claim.holds & ~np.isnan(claim.measure)
 
 
+def _lets_go(result: FailureMap) -> np.ndarray:
+    claim = result.places.get(NO_SLIP)
+    return np.zeros_like(result.best_order, dtype=bool) if claim is None else np.isposinf(claim.measure)
+
+
 def _past(result: FailureMap) -> np.ndarray:
     return (result.best_order >= 0) & (result.best_order < max(result.orders))
 
@@ -127,14 +133,22 @@ def _colour(axes: Axes, result: FailureMap, columns: np.ndarray, cells: np.ndarr
     axes.set_yscale("log")
 
 
-def _hatch(axes: Axes, result: FailureMap, columns: np.ndarray, where: np.ndarray) -> None:
+def _hatch(
+    axes: Axes,
+    result: FailureMap,
+    columns: np.ndarray,
+    where: np.ndarray,
+    *,
+    hatch: str = "////",
+    colour: str = BLUE,
+) -> None:
     x, y = _grid(result, columns)
     # Each cell as four points, so that the hatching ends where the cell does.
     fine_x, fine_y = (np.repeat(edges, 2)[1:-1] for edges in (x, y))
     fine = np.repeat(np.repeat(where, 2, axis=0), 2, axis=1).astype(float)
     with matplotlib.rc_context({"hatch.linewidth": 0.6}):
-        drawn = axes.contourf(fine_x, fine_y, fine, levels=[0.5, 1.5], colors="none", hatches=["////"])
-        drawn.set_edgecolor(BLUE)
+        drawn = axes.contourf(fine_x, fine_y, fine, levels=[0.5, 1.5], colors="none", hatches=[hatch])
+        drawn.set_edgecolor(colour)
         drawn.set_linewidth(0.0)
 
 
@@ -157,6 +171,9 @@ def _key(result: FailureMap) -> list:
     cells = np.unique(np.concatenate([_cells_along(result).ravel(), _cells_demanded(result).ravel()]))
     held_back = _held_back_along(result).any() or _held_back_demanded(result).any()
     hatched = Patch(facecolor="none", edgecolor=BLUE, hatch="////", label="stability holds explicit steps back")
+    lets_go = Patch(
+        facecolor="none", edgecolor=VERMILION, hatch="\\\\\\\\", label="no-slip fails: a contact lets go"
+    )
     past = Line2D([], [], ls="", marker=".", color=INK, ms=4, label="series past its optimal order")
     astray = Line2D([], [], ls="", marker="x", color=INK, ms=4, label="Newton's method goes astray")
     handles = [
@@ -168,6 +185,7 @@ def _key(result: FailureMap) -> list:
         *([Patch(facecolor=SKY, label="full system only")] if FULL in cells else []),
         *([Patch(facecolor=PALE, label="no slow manifold here")] if NOTHING in cells else []),
         *([hatched] if held_back else []),
+        *([lets_go] if _lets_go(result).any() else []),
         *([past] if _past(result).any() else []),
         *([astray] if _astray(result).any() else []),
     ]

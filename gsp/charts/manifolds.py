@@ -42,8 +42,6 @@ from gsp.integration.trajectory import Trajectory
 
 # Runs that start off the manifold are drawn for this many times 1/gap of fast time: e^-20 is 2e-9.
 LAYER = 20.0
-# A run that ends farther off than this share of where it began is on its way still, or to another sheet.
-LANDED = 0.1
 
 
 def _is_surface(analysis: Analysis) -> bool:
@@ -174,7 +172,8 @@ def _distance(analysis: Analysis, axes: Axes) -> None:
         axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
         return
     tails = [float(np.quantile(gaps[-LINE // 4 :], 0.9)) for _, _, gaps in curves]
-    landed = [tail <= LANDED * gaps[0] for tail, (_, _, gaps) in zip(tails, curves)]
+    # A run that ends farther off than this share of where it began is on its way still, or to another sheet.
+    landed = [tail <= 0.1 * gaps[0] for tail, (_, _, gaps) in zip(tails, curves)]
     # Where the runs stop falling, the series and the runs themselves are known no better.
     level = 2.0 * max((tail for tail, on in zip(tails, landed) if on), default=0.0)
     tallest = max(float(gaps[0]) for _, _, gaps in curves)

@@ -17,10 +17,13 @@ from gsp.charts.style import BLUE, GREY, INK, SKY, STYLE, VERMILION, add_units, 
 from gsp.errors import OutputError
 from gsp.integration.trajectory import Trajectory
 from gsp.results.files import write_file
+from gsp.scenes.view import TIME
 from gsp.systems.arguments import shown
 
 FRAMES_PER_SECOND = 20
 PIXELS_PER_INCH = 100
+# Samples among which returns are looked for, and how near a return comes, as a share of the range.
+CYCLE_SAMPLES, AGREED = 20_000, 0.01
 # Ends of files that can be written, with what writes them.
 KINDS = (".gif", ".mp4")
 
@@ -102,9 +105,10 @@ def check_motion_name(path: str | Path) -> Path:
 
 def _animation(motion: Motion, frames: int) -> FuncAnimation:
     full, limit = motion.full, motion.limit
+    begun, ended = whole_cycles(full, (*motion.plane, motion.against_time))
     figure = Figure(figsize=(8.0, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
-    times = np.linspace(full.t[0], full.t[-1], frames)
+    times = np.linspace(begun, ended, frames)
     run = full.sample(times)
     line = full.sample(np.unique([*full.t, *np.linspace(full.t[0], full.t[-1], 3000)]))
     other = None if limit is None else limit.sample(np.linspace(limit.t[0], limit.t[-1], 1000))
@@ -176,6 +180,28 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
         return trail, dot, past, now, *outlines
 
     return FuncAnimation(figure, draw, frames=frames, blit=False)
+
+
+def whole_cycles(run: Trajectory, names: Sequence[str]) -> tuple[float, float]:
+    """The times between which a run goes round a closed orbit as often as it does, else its first and last time.
+
+    They are those at which the last of `names` rises through its middle: all that agree with the last of them, in every
+    one of `names` to a share `AGREED` of its range.
+    """
+    first, last = float(run.t[0]), float(run.t[-1])
+    t = np.linspace(first, last, CYCLE_SAMPLES)
+    values = np.array([along(run.sample(t), name) for name in dict.fromkeys(names) if name != TIME])
+    reach = np.ptp(values, axis=1)
+    middle = values[-1].min() + 0.5 * reach[-1]
+    rises = np.flatnonzero((values[-1, :-1] < middle) & (values[-1, 1:] >= middle))
+    if len(rises) < 2 or not np.isfinite(values).all() or not (reach > 0).all():
+        return first, last
+    share = (middle - values[-1, rises]) / (values[-1, rises + 1] - values[-1, rises])
+    at = t[rises] + share * (t[1] - t[0])
+    states = values[:, rises] + share * (values[:, rises + 1] - values[:, rises])
+    agree = (np.abs(states - states[:, -1:]) <= AGREED * reach[:, None]).all(axis=0)
+    begun = len(at) - 1 - int(np.argmin(agree[::-1])) + 1 if not agree.all() else 0
+    return (float(at[begun]), float(at[-1])) if begun < len(at) - 1 else (first, last)
 
 
 def _ends(values: np.ndarray, motion: Motion) -> tuple[float, float]:

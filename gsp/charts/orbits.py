@@ -51,8 +51,6 @@ from gsp.charts.style import (
     plane_axes,
 )
 
-# Differences below this are the tolerance of the pictured runs, not the limit's error.
-NOTHING = 1e-6
 # Grid points of a field along each axis: streamlines end within one cell of a line of equilibria.
 FIELD = 161
 
@@ -191,7 +189,8 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
         for style, name in zip(("-", "--", ":", "-."), names):
             axes.plot([], [], color=GREY, ls=style, label=mathematics(name))
     bounded(axes, [np.concatenate([[0.0], *seen])], [])
-    if max(np.abs(values).max(initial=0.0) for values in seen) < NOTHING:
+    # Differences below this are the tolerance of the pictured runs, not the limit's error.
+    if max(np.abs(values).max(initial=0.0) for values in seen) < 1e-6:
         axes.set_ylim(-1.0, 1.0)
         axes.set_yticks([0.0])
         axes.text(

@@ -10,7 +10,7 @@ from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.charts.sampling import LINE
+from gsp.charts.sampling import LINE, margins
 from gsp.charts.style import (
     BLUE,
     GREEN,
@@ -19,6 +19,7 @@ from gsp.charts.style import (
     LADDER,
     PALE,
     PURPLE,
+    SKY,
     VERMILION,
     at_epsilon,
     chart,
@@ -26,15 +27,16 @@ from gsp.charts.style import (
     mathematics,
     name_axes,
 )
+from gsp.cycles.passage_certificate import PassageCertificate
+from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
+from gsp.results.bounds import at_least
 from gsp.singular.passage.delay_measurement import MeasuredDelay
+from gsp.singular.passage.delayed_exit import DelayedExit
 from gsp.singular.passage.fold_measurement import FoldExit
 from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.systems.system import SlowFastSystem
-
-# Distances below this are not drawn: what is left of a start long forgotten.
-NOTHING = 1e-40
 
 
 @chart(height=3.9)
@@ -99,6 +101,54 @@ def _frame(passage, exits, across: str, up: str, value: float) -> tuple[float, f
     back = y0 - np.sign(far - y0) * 0.55 * height
     beyond = far + np.sign(far - y0) * 0.12 * height
     return ends[0], ends[1], min(back, beyond), max(back, beyond)
+
+
+@chart(height=3.9)
+def passage_strip(certificate: PassageCertificate, axes: Axes) -> None:
+    """The strip in which orbits are proved to pass a loss of hyperbolicity, with its sections, over M0; or the tube in
+    which they are proved to stay.
+
+    Raises `DeclarationError` where nothing is proved.
+    """
+    if certificate.strip is None and certificate.delay is None:
+        raise DeclarationError("there is no proof to draw.", got=f"UNDECIDED: {certificate.reason}")
+    up_to = f"{mathematics(certificate.system.epsilon.name)} up to {at_least(certificate.epsilon_0, 3)}"
+    if certificate.strip is not None:
+        strip = certificate.strip.strip
+        origin = np.array([float(v) for v in certificate.strip.origin])
+        corners = np.vstack([strip.outer, strip.inner[::-1]]) + origin
+        axes.fill(*corners.T, fc=SKY, ec=INK, lw=0.5, alpha=0.5, zorder=2, label=f"strip, {up_to}")
+        for place, colour, label in ((0, BLUE, "entry"), (-1, VERMILION, "exit")):
+            ends = np.stack([strip.outer[place], strip.inner[place]]) + origin
+            axes.plot(*ends.T, color=colour, lw=2.4, zorder=5, label=label)
+    else:
+        corners = _delay_tube(certificate, axes, up_to)
+    limits = [margins(row, 0.08) for row in corners.T]
+    critical_lines(certificate.system, axes, *limits, width=1.3)
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])
+    name_axes(axes, *certificate.names)
+    legend(axes, columns=3)
+
+
+def _delay_tube(certificate: PassageCertificate, axes: Axes, up_to: str) -> np.ndarray:
+    """The tube of a delay, with where orbits stay to and where they have left: its corners (k, 2)."""
+    exit, delay = certificate.passage, certificate.delay
+    assert isinstance(exit, DelayedExit)
+    assert delay is not None
+    last = delay.kept if delay.left is None else delay.left
+    at = delay.grid[: last + 1]
+    sheet = exit.branch.points(at[:, None])[:, 0]
+    axes.fill_between(
+        at, sheet - delay.width, sheet + delay.width, fc=SKY, ec=INK, lw=0.5, alpha=0.5, zorder=2,
+        label=f"tube, {up_to}",
+    )  # fmt: skip
+    for place, colour, label in ((delay.kept, BLUE, "stay so far"), (delay.left, VERMILION, "have left")):
+        if place is not None:
+            ends = sheet[place] + delay.width * np.array([-2.0, 2.0])
+            axes.plot(np.full(2, at[place]), ends, color=colour, lw=1.8, zorder=5, label=label)
+    reach = np.concatenate([sheet - 4.0 * delay.width, sheet + 4.0 * delay.width])
+    return np.column_stack([np.tile(at, 2), reach])
 
 
 def critical_lines(
@@ -202,7 +252,8 @@ def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
     delayed, epsilon = measured.delayed, measured.epsilon
     loss = delayed.loss
     t, distance = measured.extended_distance
-    settled = distance[(distance > NOTHING) & (t > 0.1 * loss.t)]
+    # Distances below this are not drawn: what is left of a start long forgotten.
+    settled = distance[(distance > 1e-40) & (t > 0.1 * loss.t)]
     bottom = min(0.02 * float(np.min(settled, initial=measured.radius)), 1e-4 * measured.radius)
     top = 30.0 * max(measured.radius, float(distance[0]))
     axes.semilogy(

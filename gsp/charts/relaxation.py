@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts.passage import critical_lines
@@ -17,6 +19,7 @@ from gsp.charts.style import (
     GREY,
     INK,
     LADDER,
+    PALE,
     SKY,
     VERMILION,
     at_epsilon,
@@ -25,16 +28,17 @@ from gsp.charts.style import (
     mathematics,
     name_axes,
 )
+from gsp.cycles.axis_cycle import ProvedCircuit
+from gsp.cycles.cycle_certificate import CycleCertificate, ProvedAnnulus
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
 from gsp.orbits.periodic.orbit import PeriodicOrbit
+from gsp.results.bounds import at_least
 from gsp.singular.mixed_modes import MixedMode
 from gsp.singular.singular_orbit import SingularOrbit, SlowPiece
 
 # Light to dark as epsilon falls.
 DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])
-# Maxima shown at most, the last ones: more run together.
-SHOWN = 40
 # The two heads of a drop's arrow, as shares of the way.
 HEADS = (0.5, 0.58)
 
@@ -127,10 +131,61 @@ def _drop(axes: Axes, piece: SlowPiece, across: str, up: str, colour: str, *, la
 
 
 @chart(height=4.0)
+def cycle_annulus(cycle: CycleCertificate, axes: Axes) -> None:
+    """The annuli in which a relaxation cycle is proved, the narrower one darker, about the singular orbit."""
+    singular_orbit(cycle.orbit, axes)
+    _annuli(axes, cycle)
+    legend(axes, columns=2)
+
+
+def _annuli(axes: Axes, cycle: CycleCertificate) -> None:
+    """Annuli as areas, with room for them."""
+    small = cycle.orbit.branch.system.epsilon
+    # Where one annulus serves for both, it is drawn as that of the only cycle.
+    alone = cycle.existence is cycle.uniqueness
+    for one, colour, what in (
+        (None if alone else cycle.existence, PALE, "a cycle"),
+        (cycle.uniqueness, SKY, "the only cycle"),
+    ):
+        if one is None:
+            continue
+        borders = _borders(one)
+        codes = [[Path.MOVETO, *[Path.LINETO] * (len(p) - 2), Path.CLOSEPOLY] for p in borders]
+        label = f"{what}, {mathematics(small.name)} up to {at_least(one.epsilon, 3)}"
+        axes.add_patch(
+            PathPatch(
+                Path(np.vstack(borders), np.concatenate(codes)), fc=colour, ec=INK, lw=0.5, alpha=0.5, zorder=1,
+                label=label,
+            )
+        )  # fmt: skip
+        for i, (row, limits, put) in enumerate(
+            (
+                (borders[0], axes.get_xlim(), axes.set_xlim),
+                (borders[0], axes.get_ylim(), axes.set_ylim),
+            )
+        ):
+            low, high = margins(row[:, i], 0.04)
+            put(min(low, limits[0]), max(high, limits[1]))
+
+
+def _borders(one: ProvedAnnulus | ProvedCircuit) -> list[np.ndarray]:
+    """Closed lines about the area: of an annulus, or of a strip with the tube of its delay."""
+    if isinstance(one, ProvedAnnulus):
+        return [np.vstack([p, p[:1]]) for p in (one.annulus.outer, one.annulus.inner[::-1])]
+    # The line from further on is about the other one; its ends go down to the invariant sheet.
+    way = one.delays[0].grid[-1] - one.delays[0].grid[0]
+    inner, outer = sorted((one.strip.outer, one.strip.inner), key=lambda line: line[0, 0] * way)
+    feet = [(outer[-1, 0], 0.0), (outer[0, 0], 0.0)]
+    level = np.array([0.0, float(one.level)])
+    return [np.vstack([outer, feet, outer[:1]]) + level, np.vstack([inner[::-1], inner[-1:]]) + level]
+
+
+@chart(height=4.0)
 def relaxation(analysis: Analysis, axes: Axes) -> None:
     """The full system through the folds, in the plane of the slow and the first fast variable, over M0.
 
-    With the singular orbit below it where that closes: its slow pieces, its jumps and where they land.
+    With the singular orbit below it where that closes: its slow pieces, its jumps and where they land; and with the
+    annulus in which a cycle is proved for every epsilon up to that of the scene.
 
     Raises `DeclarationError` where the analysis has no such run.
     """
@@ -145,8 +200,11 @@ def relaxation(analysis: Analysis, axes: Axes) -> None:
     dense = dense_run(run)
     line = np.stack([dense[across], dense[up]])
     limits = [margins(row, 0.08) for row in line]
-    if found is not None and found.closes:
+    proved = analysis.boundary.cycle
+    if found is not None and (found.closes or (proved is not None and proved.epsilon_0 > 0.0)):
         singular_orbit(found, axes)
+        if proved is not None:
+            _annuli(axes, proved)
         for i, drawn in enumerate((axes.get_xlim(), axes.get_ylim())):
             limits[i] = min(limits[i][0], drawn[0]), max(limits[i][1], drawn[1])
     elif len(system.y) == 1:
@@ -165,7 +223,8 @@ def mixed_mode(mode: MixedMode, axes: Axes) -> None:
 
     Of more than 40 maxima the last are shown.
     """
-    times = mode.times[-SHOWN:]
+    # Maxima shown at most, the last ones: more run together.
+    times = mode.times[-40:]
     first = mode.times.size - times.size
     begin, end = (times[0], times[-1]) if times.size else (mode.run.t[0], mode.run.t[-1])
     # A little before the first maximum, so that its rise is seen.

@@ -15,8 +15,6 @@ from gsp.orbits.periodic.orbit import PeriodicOrbit
 # Points of a closed orbit, as dense as its mesh.
 POINTS = 1500
 STYLES = ("-", "--", ":", "-.")
-# Members drawn one by one, spread evenly over their indices.
-DRAWN = 24
 # Opaque, so that the legend shows the colours that are seen.
 BANDS = ((5, 95, "#DBEAF4"), (25, 75, "#A8CDE5"))
 
@@ -56,7 +54,8 @@ def spread(ensemble: Ensemble, axes: Axes, *, name: str) -> None:
     for low, high, colour in BANDS:
         bottom, top = np.nanpercentile(values, [low, high], axis=0)
         axes.fill_between(t, bottom, top, color=colour, lw=0, label=f"{low} to {high} %", zorder=1)
-    chosen = np.unique(np.linspace(0, len(ensemble) - 1, DRAWN).round().astype(int))
+    # Members drawn one by one, spread evenly over their indices.
+    chosen = np.unique(np.linspace(0, len(ensemble) - 1, 24).round().astype(int))
     for k, i in enumerate(chosen):
         label = f"{chosen.size} of {len(ensemble)} members" if k == 0 else None
         axes.plot(t, values[i], color=INK, lw=0.4, alpha=0.55, label=label, zorder=2)

@@ -24,10 +24,6 @@ from gsp.systems.system import SlowFastSystem
 
 # Points of a line, and of a grid along each axis.
 LINE, GRID = 400, 41
-# The slow manifold is drawn where its estimated error is below this share of its size.
-TRUSTED = 0.05
-# Runs leave the region in a picture by this many times its width at most.
-REACH = 1.0
 
 
 def shape(analysis: Analysis) -> tuple[int, int]:
@@ -119,7 +115,8 @@ def frame(
         values = np.concatenate([run[name] for run in runs]) if runs else np.empty(0)
         if interval is None:
             interval = tuple(map(float, widened(values.min(), values.max())))
-        width = REACH * (interval[1] - interval[0])
+        # Runs leave the region in a picture by its width at most.
+        width = interval[1] - interval[0]
         low.append(min(interval[0], max(values.min(initial=np.inf), interval[0] - width)))
         high.append(max(interval[1], min(values.max(initial=-np.inf), interval[1] + width)))
     return np.array(low), np.array(high)
@@ -163,7 +160,8 @@ def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
         return result
     sums, orders, left_out = best_sum(series, x[good], epsilon, near=leading[good])
     size = np.abs(leading[good]).max() or 1.0
-    drawn = (left_out <= TRUSTED * size) & ((orders > 0) | (series.order == 0))
+    # The slow manifold is drawn where its estimated error is below this share of its size.
+    drawn = (left_out <= 0.05 * size) & ((orders > 0) | (series.order == 0))
     result[good] = np.where(drawn[:, None], sums, np.nan)
     return result
 

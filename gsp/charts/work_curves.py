@@ -12,6 +12,8 @@ from gsp.comparison.work_runs import WorkCurve, WorkKind
 
 # Errors beyond this say that a run is useless; errors below what doubles resolve are drawn there.
 LARGEST, SMALLEST = 10.0, 1e-15
+# Two markers this close, in decades, cover one another.
+MARK = 0.08
 
 
 @chart(height=5.0)
@@ -27,7 +29,7 @@ def work_precision(result: WorkPrecision, axes: Axes) -> None:
     for i, curve in enumerate(peers):
         # Each lap of the markers begins with another dash, so that no two peers look alike.
         dash = ("--", ":", "-.")[(i + i // len(MARKERS)) % 3]
-        _draw(axes, curve, GREY, MARKERS[i % len(MARKERS)], dash, filled=False)
+        _draw(axes, curve, GREY, MARKERS[i % len(MARKERS)], dash)
     for i, curve in enumerate(full):
         chosen = curve.label == "default"
         line = "-" if chosen or i < len(MARKERS) else "--"
@@ -35,7 +37,10 @@ def work_precision(result: WorkPrecision, axes: Axes) -> None:
         _draw(axes, curve, colour, MARKERS[i % len(MARKERS)], line, width=width)
     for i, curve in enumerate(reduced):
         colour = LADDER[min(i, len(LADDER) - 1)]
-        _draw(axes, curve, colour, MARKERS[i % len(MARKERS)], "-")
+        below = [other for other in reduced[:i] if _touch(other, curve)]
+        _draw(
+            axes, curve, colour, MARKERS[i % len(MARKERS)], "-", around=len(below), equal=_equals(below, curve)
+        )
         if SMALLEST < curve.floor < LARGEST:
             axes.axvline(curve.floor, color=colour, lw=5, alpha=0.13, zorder=0)
     axes.set_xscale("log")
@@ -51,6 +56,7 @@ def work_precision(result: WorkPrecision, axes: Axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("largest relative error of the slow variables")
     axes.set_ylabel("seconds per run")
+    axes.text(0.01, 0.02, result.saving_told(), transform=axes.transAxes, color=INK, fontsize="small")
     axes.text(
         0.99, 0.02, rf"$\epsilon = {result.epsilon:.3g}$", transform=axes.transAxes, ha="right", color=INK
     )
@@ -69,15 +75,39 @@ def _draw(
     line: str,
     *,
     width: float = 1.2,
-    filled: bool = True,
+    around: int = 0,
+    equal: str = "",
 ) -> None:
+    """A curve, a peer's in open markers; it goes in open ones `around` those of so many others, on which it lies."""
+    filled = colour != GREY and not around
     errors = np.clip([p.error for p in curve.points], SMALLEST, None)
     seconds = np.array([p.seconds for p in curve.points])
     shown = errors < LARGEST
     axes.plot(
-        errors[shown], seconds[shown], color=colour, marker=marker, ls=line, lw=width, ms=4,
-        mfc=colour if filled else "white", label=_name(curve), zorder=3 if filled else 2,
+        errors[shown], seconds[shown], color=colour, marker=marker, ls=line, lw=width, ms=4 + 4 * around,
+        mfc=colour if filled else "none" if around else "white", label=_name(curve) + equal,
+        zorder=3 if filled else 2,
     )  # fmt: skip
+
+
+def _touch(one: WorkCurve, other: WorkCurve) -> bool:
+    """Whether a point of one lies on a point of the other, as far as a marker tells."""
+    return any(
+        abs(np.log10(max(a.error, SMALLEST) / max(b.error, SMALLEST))) < MARK
+        and abs(np.log10(a.seconds / b.seconds)) < MARK
+        for a in one.points
+        for b in other.points
+    )
+
+
+def _equals(others: list[WorkCurve], curve: WorkCurve) -> str:
+    """The words for the legend, where a curve lies on another with every point."""
+    mine = [max(p.error, SMALLEST) for p in curve.points]
+    for other in others:
+        theirs = [max(p.error, SMALLEST) for p in other.points]
+        if len(theirs) == len(mine) and np.allclose(np.log10(theirs), np.log10(mine), rtol=0.0, atol=MARK):
+            return f", as exact as {_name(other)}"
+    return ""
 
 
 def _name(curve: WorkCurve) -> str:

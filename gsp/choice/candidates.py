@@ -13,7 +13,7 @@ from gsp.choice.forecast import Forecast, SurfaceForecast, surface_forecast_of
 from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError
 from gsp.integration.methods import SOLVERS, Method, choose_method
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.tolerances import absolute_tolerance
@@ -30,8 +30,6 @@ PIECE = 0.15
 # Errors over the span are looked at on so many times.
 GRID_POINTS = 97
 MAX_STEPS = 1_000_000
-# What a run over a smaller share of the span costs says nothing about the whole of it.
-LEAST_SHARE = 1e-3
 
 
 class ModelKind(StrEnum):
@@ -127,7 +125,8 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     # Beyond a fold it would chatter; a run of no length has no cost.
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
-    if not end - first > LEAST_SHARE * (last - first):
+    # What a run over a smaller share of the span costs says nothing about the whole of it.
+    if not end - first > 1e-3 * (last - first):
         why = why or f"it ends as it begins: {prediction.runs[order].status.meaning}"
         return Trial(
             Candidate(
@@ -236,7 +235,10 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
         )
         return Trial(candidate), (first, end)
     done = run.stats.steps
-    more = _density(run.t, middle) * (last - end)
+    # The same steps, none shortened to end with the piece: one that was halved there foretold twice as many.
+    attempts = done + run.stats.rejected
+    free = run_model(flow, start, scene, (first, last), rtol, method=method, max_steps=attempts).t
+    more = len(free) - 1 + _density(free, middle) * (last - free[-1]) - done
     # The cost of a call is not paid again, that of a step is.
     extra = max(done - until(middle).stats.steps, 1)
 
@@ -252,18 +254,16 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
 
 
 def _density(times: np.ndarray, middle: float) -> float:
-    """Steps per unit of time from `middle` on; the last one, which was cut at the end, counts for its share."""
-    lengths = np.diff(times)
-    if len(lengths) > 1:
-        lengths[-1] = max(lengths[-1], lengths[-2])
+    """Steps per unit of time from `middle` on, where the first counts for its share."""
     begins, ends = times[:-1], times[1:]
-    counted = np.clip((ends - np.maximum(begins, middle)) / lengths, 0.0, 1.0)
+    counted = np.clip((ends - middle) / (ends - begins), 0.0, 1.0)
     return float(counted.sum()) / (times[-1] - middle)
 
 
 def run_model(
-    flow: Flow, start, scene: Scene, span: Interval, rtol: float, *, at=None, method: Method | None = None
-) -> Trajectory:
+    flow: Flow, start, scene: Scene, span: Interval, rtol: float, *,
+    at=None, method: Method | None = None, max_steps: int = MAX_STEPS,
+) -> Trajectory:  # fmt: skip
     rtol = max(rtol, SMALLEST_RTOL)
     return trajectory_of(
         flow,
@@ -273,7 +273,5 @@ def run_model(
         rtol=rtol,
         atol=absolute_tolerance(rtol, scene.region, scene.start),
         at=at,
-        stops_at_times=at is not None,
-        method=method,
-        max_steps=MAX_STEPS,
+        options=RunOptions(stops_at_times=at is not None, method=method, max_steps=max_steps),
     )

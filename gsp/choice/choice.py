@@ -42,8 +42,6 @@ from gsp.systems.region import Interval
 # Errors on the piece are measured at so many times.
 PIECE_POINTS = 33
 AS_FAR = 0.9
-# A reduced flow that holds for less than this share of the span does not pay for being switched on and off.
-SMALLEST_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,8 +104,8 @@ class Choice(Card, Tabular):
         lines = [
             str(self.verdict),
             f"  run: {in_words(self.model)}",
-            f"  epsilon = {self.epsilon:g}, tolerance {self.tolerance:g} on {', '.join(self.names)}, "
-            f"layer over after {self.layer:.3g}",
+            f"  {self.scene.system.epsilon} = {self.epsilon:g}, tolerance {self.tolerance:g} "
+            f"on {', '.join(self.names)}, layer over after {self.layer:.3g}",
             f"  {'':2}{'model':<10} {'predicted':>9}  {'run':>9}  {'steps':>7}  {'prepare':>8}",
         ]
         for c in self.candidates:
@@ -178,7 +176,8 @@ def choose(
     *reduced, full = timed([*trials, whole])
     ending = ""
     if forecast and max(forecast.prediction.runs) <= max(valid_orders):
-        ending = f"{forecast.astray}." if forecast.astray else study.why_shorter(max(valid_orders) + 1)
+        astray = f"{forecast.astray[:1].upper()}{forecast.astray[1:]}."
+        ending = astray if forecast.astray else study.why_shorter(max(valid_orders) + 1)
     model, partial = select(full, reduced, scene.span)
     names = _compared(scene, forecast)
     serving = serving_of(model, reduced)
@@ -230,7 +229,7 @@ def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tup
     """(model, the reduced one that serves part of the span), given every candidate's cost."""
     valid = [c for c in reduced if c.valid]
     if valid:
-        # Sorted by order: of equals the simplest.
+        # Sorted by order: ties go to the lowest order.
         best = next(c for c in valid if not any(cost_beside(o, c) is Cost.LESS for o in valid))
         return (full if full.valid and cost_beside(best, full) is not Cost.LESS else best), None
     flows = [c for c in reduced if c.order is not None]
@@ -240,7 +239,8 @@ def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tup
     # Of those that go about as far the most exact.
     longest = [c for c in flows if c.holds_until - span[0] >= AS_FAR * (furthest - span[0])][-1]
     served = (longest.holds_until - span[0]) / (span[1] - span[0])
-    return full, longest if served >= SMALLEST_SHARE else None
+    # A reduced flow that holds for less than this share of the span does not pay for being switched on and off.
+    return full, longest if served >= 0.05 else None
 
 
 def _fast_errors(

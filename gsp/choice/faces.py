@@ -1,13 +1,19 @@
-"""Charts and tables of the nouns of this package."""
+"""Charts and tables of the nouns of this package, and what a sweep records of its verbs."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from gsp.choice.choice import Choice
+from gsp.choice.candidates import ModelKind
+from gsp.choice.choice import Choice, choose
 from gsp.choice.simulation import Simulation
+from gsp.results.point_verbs import Labels, Record, records
 from gsp.results.registry import Makers, charts, tables
 from gsp.results.table import Column, Names, Table, constants_of, numbers, scalars, texts
+from gsp.scenes.study import Study
+from gsp.systems.flow import check_orders
 
 
 @tables.of(Choice)
@@ -57,6 +63,25 @@ def _table_of_simulation(run: Simulation) -> Table:
         "field_calls": run.field_calls, "reduced_share": run.reduced_share,
     }  # fmt: skip
     return Table("Simulation", coordinates, variables, attributes, (time,))
+
+
+def _each_order(study: Study, *, orders: tuple[int, ...] = (0, 1, 2, 3), **_: object) -> Labels:
+    return {name: {"order": check_orders(orders)} for name in ("predicted", "holds_until", "serves")}
+
+
+@records("choose", labels=_each_order)
+def _record_of_choose(
+    study: Study, epsilon: float, tolerance: float, *, orders: tuple[int, ...] = (0, 1, 2, 3)
+) -> Record:
+    found = choose(study, orders=orders, epsilon=epsilon, tolerance=tolerance, solve=False)
+    reduced = {c.order: c for c in found.candidates if c.kind is ModelKind.REDUCED}
+    in_order = [reduced.get(n) for n in check_orders(orders)]
+    return {
+        "predicted": [math.nan if c is None else c.predicted for c in in_order],
+        "holds_until": [math.nan if c is None else c.holds_until for c in in_order],
+        "serves": [math.nan if c is None else c.valid for c in in_order],
+        "layer": found.layer,
+    }
 
 
 @charts.late

@@ -21,7 +21,7 @@ from gsp.scenes.study import Study, study_of
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.grids_at_rest import resting_coefficients
 from gsp.slow.sampled_manifold import SampledManifold
-from gsp.slow.series import LONGEST, SeriesManifold
+from gsp.slow.series import LONGEST, SeriesManifold, length
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow.truncation import AHEAD
 
@@ -31,8 +31,6 @@ LAYER_LEFT, LAYER_TIMES, LAYER_LOOKS = 0.1, 60.0, 600
 # A solved manifold is this much more exact than the tolerance, and covers the reduced runs and this share of their
 # range on every side.
 EXACTER, MARGIN = 0.1, 0.05
-# Parts into which a step is cut where a run's range is looked for.
-BETWEEN = 8
 
 # The stages between a scene and its reduced flows.
 READYING = ("splitting", "critical", "branch", "numeric series", "inner")
@@ -43,7 +41,7 @@ class Forecast:
     """A scene seen ahead: the series, where each order starts, how long the layer lasts, and the prediction.
 
     `astray` says where the initial layer carries the start of the first order that begins beyond the sheet; that order
-    and those above it have no run. Empty where all begin on it.
+    and those above it have no run; or why the layer's series ends before it. Empty where all begin on it.
     """
 
     study: Study
@@ -105,6 +103,9 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
         preparation[k] = shared + time.perf_counter() - begun
     starts, astray = {}, ""
     for k in flows:
+        if k > inner.order:
+            astray = inner.ending
+            break
         try:
             starts[k] = _start(study, inner, scene.epsilon, k)
         except BranchError as error:
@@ -122,6 +123,8 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
         span=scene.span,
         least_scale=dict.fromkeys(names, 0.0),
     )
+    settled = scene.span[0] + scene.epsilon / inner.gap * np.log(1.0 / scene.tolerance)
+    prediction = replace(prediction, settled=settled)
     tau = np.linspace(0.0, LAYER_TIMES / inner.gap, LAYER_LOOKS)
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)
     felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
@@ -152,7 +155,7 @@ def _readied(study: Study, first: int, last: int) -> SeriesManifold:
     series = study.short_series(last, at_least=first)
     if max(series.sizes) > LONGEST:
         raise HyperbolicityError(
-            f"its series is too long to run: through order {first} it has coefficients of {max(series.sizes)} terms, "
+            f"its series is too long to run: through order {first} it has coefficients of {length(series)}, "
             f"more than {LONGEST}."
         )
     return series
@@ -223,7 +226,8 @@ class SurfaceForecast:
 
 def _between(times: np.ndarray) -> np.ndarray:
     """`times` (m,) and places between them: a quantity is greatest within a step, not at its end."""
-    finer = np.linspace(0.0, len(times) - 1.0, BETWEEN * (len(times) - 1) + 1)
+    # Parts into which a step is cut where a run's range is looked for.
+    finer = np.linspace(0.0, len(times) - 1.0, 8 * (len(times) - 1) + 1)
     return np.interp(finer, np.arange(len(times)), times)
 
 

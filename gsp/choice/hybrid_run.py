@@ -12,13 +12,12 @@ import sympy as sp
 from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
 from gsp.choice.prediction import SMALLEST_RTOL
 from gsp.errors import Status
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
-from gsp.systems.system import VectorField
 
 
 @dataclass(frozen=True)
@@ -62,13 +61,7 @@ def full_flow(study: Study) -> Flow:
     scene, system = study.scene, study.system
     observables = dict(system.observables)
     driven = {s: sp.sympify(r, strict=True).xreplace(observables) for s, r in scene.reconstruction.items()}
-    return VectorField(
-        {**dict(zip(system.states, system.rates)), **driven},
-        epsilon=system.epsilon,
-        parameters=system.parameters,
-        observables=system.observables,
-        name=system.name,
-    )
+    return system.as_field({**dict(zip(system.states, system.rates)), **driven})
 
 
 @dataclass(eq=False)
@@ -127,7 +120,7 @@ class HybridRun:
             epsilon=self.scene.epsilon,
             rtol=rtol,
             atol=absolute_tolerance(rtol, self.scene.region, self.scene.start),
-            max_steps=MAX_STEPS,
+            options=RunOptions(max_steps=MAX_STEPS),
         )
         self.count(run)
         return run

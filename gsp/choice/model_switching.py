@@ -18,7 +18,7 @@ from gsp.fibres.base_points import project
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.surface_flow import flow_on
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_function import finite_rows
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
@@ -29,8 +29,6 @@ from gsp.slow.truncation import AHEAD
 # After the reduced flow was left its local error has to fall to this share of what it was there before it is taken up
 # again: without it a fold would be approached in ever shorter pieces, each with a new allowance.
 HYSTERESIS = 0.1
-# A state has landed when it stays so near for one fast time 1/gap; local errors of h are allowed for so many times.
-NEAR_ERRORS = 3.0
 # A reduced piece shorter than so many fast times is not worth the change.
 SHORTEST = 10.0
 # The full system is run in pieces, the first of so many fast times, each twice as long as the one before, and looked at
@@ -50,7 +48,9 @@ def run_solved(run: HybridRun, manifold: SampledManifold) -> None:
     rtol = max(INTEGRATION * scene.tolerance, SMALLEST_RTOL)
     flow = flow_on(manifold, reconstruction=scene.reconstruction)
     atol = absolute_tolerance(rtol, scene.region, scene.start)
-    slow = trajectory_of(flow, start=start, span=scene.span, rtol=rtol, atol=atol, max_steps=MAX_STEPS)
+    slow = trajectory_of(
+        flow, start=start, span=scene.span, rtol=rtol, atol=atol, options=RunOptions(max_steps=MAX_STEPS)
+    )
     run.count(slow)
     times = np.linspace(first, float(slow.t[-1]), SOLVED_LOOKS)
     there = slow.sample(times)
@@ -300,7 +300,9 @@ class _Switcher:
             local[rows] = sizes[:, self.order + 1 : self.order + 1 + AHEAD].max(axis=1)
             distance = np.linalg.norm(y[rows] - terms[:, : self.order + 1].sum(axis=1), axis=1)
             size = 1.0 + np.linalg.norm(y[rows], axis=1)
-            landed[rows] = distance <= self.tolerance * size + NEAR_ERRORS * local[rows]
+            # A state has landed when it stays so near for one fast time 1/gap; local errors of h are allowed
+            # for so many times.
+            landed[rows] = distance <= self.tolerance * size + 3.0 * local[rows]
             landed[rows] &= local[rows] <= size * self.tolerance**0.5
             landed &= sampler.inside(np.hstack([x, y]), self.study.region)
         return _Nearness(landed, local, gap)

@@ -18,31 +18,27 @@ from itertools import pairwise
 
 import numpy as np
 
+from gsp.algebra.switching_functions import switches
 from gsp.critical.sampling import Sampler
 from gsp.errors import Status
-from gsp.hyperbolicity.losses.switching import switches
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.scenes.raw_states import BESIDE
+from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold
 from gsp.slow.truncation import AHEAD
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, state_sizes
 
 # A term that happens to vanish says nothing, so the runs of the next two orders are looked at. Where the series ends
 # before the second (AHEAD), the first serves alone, unless it is within so many tolerances of the runs themselves.
 VANISHED = 30.0
 # Times at which a run is looked at, and how often the place where it fails is narrowed down as finely again.
 CHECKS, REFINEMENTS = 65, 2
-# Places at which the sides of switching surfaces are looked at, and again where one is crossed.
-SIDES = 129
-# A run this much outside the region, relative to its width, is rounding.
-OUTSIDE = 1e-9
-# The runs compared are this much more exact than the error looked for, and never asked for less than rounding.
+# The runs compared are this much more exact than the error looked for, or than the usual tolerance, and never asked for
+# less than rounding.
 CLEARER, SMALLEST_RTOL = 1e-3, 1e-13
-
-# At a fold a reduced flow turns back on itself, and an integrator would chatter there for ever.
-MAX_STEPS = 20_000
 
 
 class Failure(StrEnum):
@@ -63,7 +59,7 @@ class Prediction:
     """Reduced `runs` by order over one span, and what they say about one another.
 
     `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to; `rtol`
-    is what the runs were asked for.
+    is what the runs were asked for. Up to the time `settled` the solution is not near the manifold yet.
     """
 
     series: SeriesManifold
@@ -74,6 +70,7 @@ class Prediction:
     least_scale: Mapping[str, float]
     sampler: Sampler
     rtol: float
+    settled: float = -np.inf
 
     def compared(self, order: int) -> list[int]:
         """The orders whose runs tell the error of this one: itself and the next two, as far as they begin."""
@@ -117,10 +114,16 @@ class Prediction:
 
     @cached_property
     def scale(self) -> dict[str, float]:
-        """Largest |value| of each quantity along the run of the lowest order, 1 for one that stays 0."""
-        run = self.runs[min(self.runs)]
-        sizes = {name: float(np.abs(run[name]).max()) for name in self.names}
-        return {name: max(size, self.least_scale.get(name, 0.0)) or 1.0 for name, size in sizes.items()}
+        """Largest |value| of each quantity along the run of the lowest order.
+
+        Where that is 0 to within the runs' own error it is the largest in the region, and 1 where that is 0 too.
+        """
+        run, sizes, scale = self.runs[min(self.runs)], state_sizes(self.region), {}
+        for name in self.names:
+            size = max(float(np.abs(run[name]).max()), self.least_scale.get(name, 0.0))
+            whole = sizes.get(name, size or 1.0)
+            scale[name] = size if size > self.rtol * whole else whole
+        return scale
 
     def errors(self, order: int, times: np.ndarray) -> np.ndarray:
         """Predicted relative error (m,) of the run of this order at `times` (m,), infinite where runs have ended."""
@@ -147,7 +150,10 @@ class Prediction:
         with np.errstate(all="ignore"):
             eigenvalues = self.sampler.eigenvalues(z)
             gap = -np.nan_to_num(np.real(eigenvalues), nan=np.inf).max(axis=1)
-            ratio = gap / (self.epsilon * self.sampler.tangential_rates(z))
+            rates = self.sampler.tangential_rates(z)
+            # At the zero of a root, where a run may begin, the rate is infinite for that instant.
+            rates[np.isinf(rates) & (times[alive] <= self.settled)] = 0.0
+            ratio = gap / (self.epsilon * rates)
         inside = self.inside(self.runs[order], slow)
         beyond = times[alive] > self.crossing(order)
         past = self._past_best(order, terms)
@@ -159,7 +165,7 @@ class Prediction:
                 Failure.GAP
                 if not gap[i] > 0.0
                 else Failure.RATE
-                if ratio[i] < 1.0
+                if ratio[i] <= 1.0
                 else Failure.REGION
                 if not inside[i]
                 else Failure.KINK
@@ -225,7 +231,8 @@ class Prediction:
         run, crossed = self.runs[order], float("inf")
         low, high = float(run.t[0]), self.covered(order)
         for _ in range(1 + REFINEMENTS):
-            times = np.linspace(low, high, SIDES)
+            # Places at which the sides of switching surfaces are looked at, and again where one is crossed.
+            times = np.linspace(low, high, 129)
             with np.errstate(all="ignore"):
                 values = self._surfaces(self._places(run, times)[0], self.sampler.p)
             other = np.flatnonzero((values * values[0] < 0.0).any(axis=1))
@@ -243,7 +250,7 @@ class Prediction:
 
     def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
         """Where the `terms` (m, k, n_fast) left out have begun to grow again."""
-        sizes = np.linalg.norm(terms, axis=2)
+        sizes = np.linalg.norm(terms / self.series.branch.scales[1], axis=2)
         # The first two terms left out at each order, as in the errors, or the first where there are no more.
         left, ahead = sizes[:, 1 : order + 2], len(self.compared(order)) - 1
         if ahead == 0:
@@ -282,8 +289,10 @@ def predict(
     """
     epsilon, region = study.scene.epsilon, study.region
     needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1) if k + ahead in starts})
-    rtol = max(CLEARER * study.scene.tolerance, SMALLEST_RTOL)
+    # At a looser tolerance too, or an error would be told at one tolerance and be the runs' own at the next.
+    rtol = max(CLEARER * min(study.scene.tolerance, Scene.tolerance), SMALLEST_RTOL)
     atol = absolute_tolerance(rtol, region, *starts.values())
+    # At a fold a reduced flow turns back on itself, and an integrator would chatter there for ever.
     runs = {
         k: trajectory_of(
             flows[k],
@@ -292,12 +301,12 @@ def predict(
             epsilon=epsilon,
             rtol=rtol,
             atol=atol,
-            max_steps=MAX_STEPS,
+            options=RunOptions(max_steps=20_000),
         )
         for k in needed
     }
     widened = {
-        name: (low - OUTSIDE * (high - low), high + OUTSIDE * (high - low))
+        name: (low - BESIDE * (high - low), high + BESIDE * (high - low))
         for name, (low, high) in region.items()
     }
     return Prediction(

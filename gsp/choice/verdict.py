@@ -14,10 +14,6 @@ from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
 from gsp.systems.region import Interval
 
-# A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
-SMALLEST_SHARE = 0.01
-# Less than this share of the span, behind the layer, is no part worth naming.
-SMALLEST_PART = 0.05
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
 
@@ -87,7 +83,7 @@ def judge(evidence: Evidence) -> Verdict:
     scene, model, partial = evidence.scene, evidence.model, evidence.partial
     promised = (
         f"a relative error of {scene.tolerance:g} over t = {scene.span[0]:.4g} to {scene.span[1]:.4g} "
-        f"at epsilon = {scene.epsilon:g}"
+        f"at {scene.system.epsilon} = {scene.epsilon:g}"
     )
     if not reduced:
         why = _sentence(f"it cannot be reduced here: {evidence.obstacle}")
@@ -97,21 +93,24 @@ def judge(evidence: Evidence) -> Verdict:
         cost = cost_beside(shown, full) if full.valid else Cost.LESS
         return Verdict(
             _ALLOWED[cost],
-            f"{in_words(shown)} keeps to {promised}; {_off(shown, evidence)}",
+            f"{in_words(shown)} stays within {promised}. {_off(shown, evidence)}",
             _speed(shown, full, cost),
-            "" if cost is Cost.LESS else "Reduce for the formula; to compute a run take the full system.",
+            "" if cost is Cost.LESS else "The reduction gives a formula; to compute runs, use the full system.",
         )
     length = scene.span[1] - scene.span[0]
-    if partial is not None and partial.holds_until - scene.span[0] - evidence.layer < SMALLEST_PART * length:
+    # Less than this share of the span, behind the layer, is no part worth naming.
+    if partial is not None and partial.holds_until - scene.span[0] - evidence.layer < 0.05 * length:
         partial = None
     nearest = _nearest(reduced)
     if partial is not None and (nearest.order is not None or nearest.holds_until <= partial.holds_until):
         nearest = partial
     accuracy = (
-        f"no reduced model keeps to {promised}: {in_words(nearest)} comes nearest, but {nearest.why_not}."
+        f"no reduced model stays within {promised}. The nearest is {in_words(nearest)}, but {nearest.why_not}."
     )
     if nearest.failure is Failure.UNTOLD:
-        accuracy = f"no reduced model is known to keep to {promised}: of {in_words(nearest)} {nearest.why_not}."
+        accuracy = (
+            f"no reduced model is known to stay within {promised}. For {in_words(nearest)} {nearest.why_not}."
+        )
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     if partial is None:
         return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))
@@ -122,7 +121,7 @@ def judge(evidence: Evidence) -> Verdict:
     return Verdict(
         Answer.IN_PART,
         accuracy,
-        "simulate() runs it so far, and the full system elsewhere.",
+        "simulate() uses it up to there, and the full system elsewhere.",
         _remedy(nearest, evidence),
     )
 
@@ -135,22 +134,22 @@ def serving_of(model: Candidate, candidates: Sequence[Candidate]) -> Candidate |
 def _off(shown: Candidate, evidence: Evidence) -> str:
     """What a model is off by, of which variables."""
     of = f" in {', '.join(evidence.names)}" if evidence.names else ""
-    text = f"it is predicted to be off by {shown.predicted:.1e}{of}"
+    text = f"Its predicted error is {shown.predicted:.1e}{of}"
     if np.isfinite(evidence.layer_error):
-        text += f", in the fast variables {_off_behind(evidence)}"
-        text += f" and by {evidence.layer_error:.1e} in it" if evidence.layer_error > 0.0 else ""
+        text += f"; in the fast variables it is {_off_behind(evidence)}"
+        text += f" and {evidence.layer_error:.1e} within the layer" if evidence.layer_error > 0.0 else ""
     return f"{text}."
 
 
 def _off_behind(evidence: Evidence) -> str:
     """What the fast variables are off by behind the layer, and how that is known."""
     if evidence.fast_measured is None:
-        return f"by {evidence.fast_error:.1e} behind the initial layer"
+        return f"{evidence.fast_error:.1e} after the initial layer"
     if np.isnan(evidence.fast_error):
-        return "by what their series, which does not converge, does not tell behind the initial layer"
+        return "unknown after the initial layer, because their series does not converge,"
     begin, end = evidence.fast_measured
     return (
-        f"by {evidence.fast_error:.1e} behind the initial layer (measured on t = {begin:.4g} to {end:.4g} only, as "
+        f"{evidence.fast_error:.1e} after the initial layer (measured on t = {begin:.4g} to {end:.4g} only, because "
         "their series does not converge)"
     )
 
@@ -166,18 +165,21 @@ def seconds_shown(seconds: float) -> str:
     """Seconds of a run as they are set in text and tables; empty when they are not known."""
     if not np.isfinite(seconds):
         return ""
-    return f"{1e6 * seconds:.3g} us" if seconds < 1e-3 else f"{1e3 * seconds:.3g} ms"
+    scale, unit = next(
+        (s, u) for s, u in ((1e6, "us"), (1e3, "ms"), (1.0, "s")) if s == 1.0 or s * seconds < 1e3
+    )
+    return f"{scale * seconds:.3g} {unit}"
 
 
 def _speed(shown: Candidate, full: Candidate, cost: Cost) -> str:
     if not full.valid:
-        return f"It alone was seen to reach the end: the full system {full.why_not}."
+        return f"It is the only run that reaches the end: the full system {full.why_not}."
     times = f"{seconds_shown(shown.seconds)} a run against {seconds_shown(full.seconds)} of the full system"
     if cost is not Cost.LESS:
         return f"It {cost}: {times}."
     runs = max(1.0, np.ceil((shown.preparation - full.preparation) / (full.seconds - shown.seconds)))
     return (
-        f"It is {full.seconds / shown.seconds:.2g} times as fast, {times}; its preparation pays after {runs:.0f} run"
+        f"It is {full.seconds / shown.seconds:.2g} times as fast: {times}. Preparing it pays off after {runs:.0f} run"
         f"{'s' if runs > 1 else ''}."
     )
 
@@ -196,7 +198,10 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     length = scene.span[1] - scene.span[0]
     if evidence.layer > LARGEST_LAYER * length:
         enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
-        return f"A smaller epsilon, about {enough:.1g}, or a longer span would leave the initial layer behind."
+        return (
+            f"A smaller epsilon, about {enough:.1g}, or a longer span would help, because the initial layer takes most "
+            "of this span."
+        )
     if nearest.failure is Failure.RATE:
         return "A smaller epsilon would help."
     if nearest.failure is Failure.UNTOLD:
@@ -206,8 +211,9 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     if nearest.failure in (Failure.GAP, Failure.KINK, Failure.END):
         return "A span that ends before that place, or a start behind it, would help."
     enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
-    if enough >= SMALLEST_SHARE * scene.epsilon:
-        return f"A smaller epsilon, about {enough:.1g}, is expected to do, or a larger tolerance."
+    # A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
+    if enough >= 0.01 * scene.epsilon:
+        return f"A smaller epsilon, about {enough:.1g}, is expected to be enough, or a larger tolerance."
     return "A smaller epsilon or a larger tolerance would help."
 
 

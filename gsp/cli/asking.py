@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gsp.cli.telling import compiled_by_two, compiling_told, tell_notes
-from gsp.errors import DeclarationError
+from gsp.cli.telling import check_interrupt, compiled_by_two, compiling_told, progress_bar, tell_notes
+from gsp.errors import DeclarationError, GspError, printable
 
 if TYPE_CHECKING:
+    from gsp.reductions.reductions import Reductions
     from gsp.scenes.scene import Scene
 
 
@@ -34,20 +36,21 @@ def orders_through(order: int | None) -> dict[str, Any]:
 OPTIONS = {
     "set": click.option(
         "--set", "settings", multiple=True, metavar="NAME=VALUE",
-        help="Another value of a parameter, exact; 1/3 is allowed. May be repeated.",
+        help="Give a parameter another value, such as 1/3. May be repeated.",
     ),
     "epsilon": click.option("--epsilon", metavar="VALUE", help="Value of the small parameter [the scene's]."),
     "region": click.option(
         "--region", "intervals", multiple=True, metavar="NAME=LOW:HIGH",
-        help="Another interval of a state. May be repeated.",
+        help="Give a state another interval. May be repeated.",
     ),
     "small": click.option(
-        "--small", metavar="NAME", help="The parameter that counts as small [what the model says, or what is found]."
+        "--small", metavar="NAME[,NAME]",
+        help="Which parameter is small; of two, the fastest first [as in the model, else found].",
     ),
     "fast": click.option(
-        "--fast", metavar="NAME,...", help="The variables that count as fast, in place of a small parameter."
+        "--fast", metavar="NAME,...", help="Which variables are fast, if no parameter is small."
     ),
-    "start": click.option("--start", metavar="NAME", help="Another of the model's starts, by name [its start]."),
+    "start": click.option("--start", metavar="NAME", help="Start from this entry of the model's [starts]."),
 }  # fmt: skip
 
 
@@ -56,10 +59,12 @@ def output_option(text: str) -> Callable[[Any], Any]:
     return click.option("-o", "--output", type=click.Path(path_type=Path), help=text)
 
 
-def asks(*names: str, by_two: bool = False) -> Callable[[Any], Any]:
+def asks(*names: str, by_two: bool = False, looks: bool = False, tells: bool = False) -> Callable[[Any], Any]:
     """Give a command the argument MODEL and the options `names`; the command takes the scene that results.
 
-    With `by_two` a second process helps to compile what the command needs, and begins before the model is read.
+    With `by_two` a second process helps to compile what the command needs, and begins before the model is read. With
+    `looks` what is small is looked for in a model that does not say it; with `tells` the command takes that too, as
+    `reductions`, None where nothing was looked for.
     """
 
     def decorate(function: Any) -> Any:
@@ -77,8 +82,16 @@ def asks(*names: str, by_two: bool = False) -> Callable[[Any], Any]:
         ) -> Any:
             with compiled_by_two() if by_two else nullcontext():
                 scene = scene_with_options(load_scene(model), settings, None, intervals, start)
-                scene = scene_with_options(taken(scene, small, fast), (), epsilon, ())
+                scene = taken(scene, small, fast)
                 with compiling_told():
+                    found = found_small(scene) if looks and not scene.has_small else None
+                    if found is not None and found.taken is not None:
+                        scene = found.taken.scene
+                    if tells:
+                        others["reductions"] = found
+                    scene = scene_with_options(scene, (), epsilon, ())
+                    if looks:
+                        _tell_scaling(scene)
                     return function(scene=scene, **others)
 
         for name in reversed(names):
@@ -86,6 +99,33 @@ def asks(*names: str, by_two: bool = False) -> Callable[[Any], Any]:
         return click.argument("model")(command)
 
     return decorate
+
+
+def _tell_scaling(scene: Scene) -> None:
+    """Say in which variables a scene goes through whose small parameter has a pole of higher order."""
+    from gsp.splitting.splitting import has_higher_pole, split
+    from gsp.systems.system import VectorField
+
+    if isinstance(scene.system, VectorField) and has_higher_pole(scene.system):
+        mu, scaling = scene.system.epsilon, split(scene.system).scaling
+        tell_notes([f"the pole in {mu} is of higher order, and simple in scaled variables: {scaling}"])
+
+
+def found_small(scene: Scene) -> Reductions:
+    """What was found to be fast in a scene, of which one is taken; the table and the reason are told."""
+    from gsp.reductions.reductions import find_reductions
+
+    with progress_bar("what is fast") as show:
+        found = find_reductions(scene, progress=show)
+    check_interrupt()
+    with suppress(OSError):
+        click.echo(printable(str(found)), err=True)
+    if found.taken is None:
+        raise GspError(
+            f"nothing in {scene.name or 'the model'} is seen to be fast, so that there is nothing to go on with.",
+            "Name it: --small NAME for a parameter, --fast NAME,... for variables.",
+        )
+    return found
 
 
 def taken(scene: Scene, small: str | None, fast: str | None) -> Scene:
@@ -99,7 +139,9 @@ def taken(scene: Scene, small: str | None, fast: str | None) -> Scene:
             "--small names a parameter and --fast variables; one of them says what is fast.", "Leave one out."
         )
     if small is not None:
-        made = take_small(scene, parameter=small)
+        first, two, second = (part.strip() for part in small.partition(","))
+        made = take_small(scene, parameter=first)
+        made = replace(made, second=second) if two else made
     else:
         made = take_fast(scene, variables=[name.strip() for name in str(fast).split(",") if name.strip()])
     tell_notes(explain_small(made, scene))

@@ -3,35 +3,57 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import print_json, progress_bar
+from gsp.cli.telling import print_json, progress_bar, tell
 from gsp.errors import DeclarationError, GspError
 
 if TYPE_CHECKING:
+    from gsp.cycles.cycle_certificate import CycleCertificate
+    from gsp.cycles.passage_certificate import PassageCertificate
     from gsp.scenes.scene import Scene
+    from gsp.scenes.study import Study
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "small", "fast")
-@click.option("--prove", is_flag=True, help="Prove it in ball arithmetic instead of sampling.")
+@asks("set", "epsilon", "region", "small", "fast", looks=True)
+@click.option(
+    "--prove", is_flag=True, help="Prove the conditions in ball arithmetic, in place of sampling them."
+)
+@click.option("--prove-cycle", is_flag=True, help="Prove a relaxation cycle for every epsilon up to a bound.")
+@click.option(
+    "--prove-passage", is_flag=True, help="Prove how orbits from the start pass the first loss of stability."
+)
 @output_option("Write the proof to this file; `gsp verify` checks it.")
 @json_option
-def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None:
+def check(
+    scene: Scene, prove: bool, prove_cycle: bool, prove_passage: bool, output: Path | None, as_json: bool
+) -> None:
     """Check the conditions of normal hyperbolicity of MODEL over its region.
 
-    Exit status 0 when every condition holds at the samples, 1 when one fails; with --prove 0 when it is proved, 1
-    when it is refuted, 3 when it is undecided.
+    The exit status is 0 if every condition holds at the samples, and 1 if one fails. With --prove it is 0 if normal
+    hyperbolicity is proved, 1 if it is refuted, and 3 if it is undecided. With --prove-cycle and --prove-passage it is
+    0 if the proof holds for every epsilon up to the model's, and 3 otherwise.
     """
     from gsp.scenes.study import study_of
 
-    if output is not None and not prove:
-        raise DeclarationError("-o writes a proof, and samples are none.", "Add --prove, or leave -o out.")
+    if prove + prove_cycle + prove_passage > 1:
+        raise DeclarationError(
+            "--prove, --prove-cycle and --prove-passage cannot be combined.", "Run them one after the other."
+        )
+    if output is not None and not (prove or prove_cycle or prove_passage):
+        raise DeclarationError(
+            "-o writes a proof, but only samples were asked for.",
+            "Add --prove, --prove-cycle or --prove-passage, or leave -o out.",
+        )
     study = study_of(scene)
+    if prove_cycle or prove_passage:
+        found = _cycle(study) if prove_cycle else _passage(study)
+        _tell_up_to(scene, found, output, as_json)
     if prove:
         from gsp.slow_tubes.certify import certify
 
@@ -42,7 +64,7 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
         if as_json:
             print_json({"name": scene.name, **certificate.as_dict()})
         else:
-            click.echo(str(certificate))
+            tell(certificate)
         click.get_current_context().exit({"PROVED": 0, "REFUTED": 1, "UNDECIDED": 3}[certificate.verdict.name])
     verdict = study.hyperbolicity
     if as_json:
@@ -50,20 +72,53 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
 
         print_json({"name": scene.name, "holds": verdict.holds, **hyperbolicity_as_json(verdict)})
     else:
-        click.echo(str(verdict))
+        tell(verdict)
     fails = not all(condition.holds for condition in verdict.conditions)
     click.get_current_context().exit(0 if verdict.holds else 1 if fails else 3)
+
+
+def _cycle(study: Study) -> CycleCertificate:
+    from gsp.singular.singular_orbit import singular_orbit
+    from gsp.slow_tubes.certify import certify
+
+    # Slow pieces that are followed until a singular orbit closes.
+    return certify(singular_orbit(study.branch, study.start, max_pieces=60))
+
+
+def _passage(study: Study) -> PassageCertificate:
+    """Through the fold in which the slow piece from the start ends, or past what the branch meets."""
+    from gsp.analysis.fold_surroundings import proved_passage
+    from gsp.singular.singular_orbit import singular_orbit
+
+    return proved_passage(study, singular_orbit(study.branch, study.start, max_pieces=1).pieces[0].fold)
+
+
+def _tell_up_to(
+    scene: Scene, found: CycleCertificate | PassageCertificate, output: Path | None, as_json: bool
+) -> NoReturn:
+    """Write and tell what is proved up to an epsilon."""
+    if output is not None and found.verdict.name == "PROVED":
+        found.save(output)
+    reaches = scene.epsilon <= found.epsilon_0
+    if as_json:
+        print_json({"name": scene.name, "epsilon": scene.epsilon, "reaches": reaches, **found.as_dict()})
+    else:
+        tell(found)
+        if found.verdict.name == "PROVED" and not reaches:
+            tell(f"  undecided at epsilon = {scene.epsilon:g} of the model, which is larger")
+    raise SystemExit(0 if reaches else 3)
 
 
 @cli.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @json_option
 def verify(file: Path, as_json: bool) -> None:
-    """Check the proof in FILE, which `gsp check --prove -o FILE` wrote: in whole numbers, by code of its own.
+    """Check the proof in FILE, which `gsp check --prove -o FILE` wrote.
 
-    The file of a tube about a slow manifold, which its `save` writes, is checked as well.
+    The checker computes in whole numbers and shares no code with the prover. It also checks the proofs of --prove-cycle
+    and --prove-passage, and those of tubes about slow manifolds, which their `save` writes.
 
-    Exit status 0 when the proof holds, 1 when it does not.
+    The exit status is 0 if the proof holds, and 1 if it does not.
     """
     from gsp.proofs.programs import Rejected
     from gsp.proofs.verification import verify as verified
@@ -78,9 +133,9 @@ def verify(file: Path, as_json: bool) -> None:
         if as_json:
             print_json({"holds": False, "reason": str(error)})
         else:
-            click.echo(f"the proof does not hold: {error}")
+            tell(f"the proof does not hold: {error}")
         click.get_current_context().exit(1)
     if as_json:
         print_json({"holds": True, **found.as_dict()})
     else:
-        click.echo(str(found))
+        tell(found)

@@ -9,7 +9,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, orders_through, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
+from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, tell, wrote
 from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 from gsp.results.interrupts import undisturbed
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "small", "fast", by_two=True)
+@asks("set", "epsilon", "region", "small", "fast", by_two=True, looks=True)
 @click.option("--order", type=int, help="Highest order of the series [3].")
 @json_option
 def methods(scene: Scene, order: int | None, as_json: bool) -> None:
-    """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
+    """Compare the classical methods for the slow manifold of MODEL with the series: error, order in epsilon, cost."""
     from gsp.comparison.method_table import method_table
 
     table = method_table(scene, **orders_through(order))
     if as_json:
         print_json(table.as_json())
         return
-    click.echo(str(table))
+    tell(table)
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "small", "fast")
+@asks("set", "epsilon", "region", "small", "fast", looks=True)
 @click.option("--order", type=int, help="Highest order of the reduced models.")
 @click.option("--failures", is_flag=True, help="Draw where each method holds instead.")
 @output_option("File for the figure, .png, .pdf or .svg [gsp-chart-NAME.png].")
@@ -43,9 +43,10 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
 def chart(
     scene: Scene, failures: bool, output: Path | None, order: int | None, table: Path | None, as_json: bool
 ) -> None:
-    """Chart speed against accuracy for MODEL, or with --failures where each method holds.
+    """Draw speed against accuracy for MODEL, or with --failures the map of where each method holds.
 
-    Speed against accuracy: every integrator, those installed beside ours, and reduced models of orders 0 to 4.
+    The first chart shows every integrator of gsp, other integrators that are installed, and reduced models of orders 0
+    to 4.
     """
     target = output or Path(f"gsp-{'failures' if failures else 'chart'}-{scene.name or 'scene'}.png")
     from gsp import charts
@@ -65,8 +66,7 @@ def chart(
             from gsp.comparison.work_precision import work_precision
 
             found = work_precision(scene, progress=advance, **orders)
-    axes = charts.failure_map(found) if failures else charts.work_precision(found)
-    picture = charts.drawn(axes, target.suffix[1:].lower())
+    picture = charts.drawn(charts.draw(found), target.suffix[1:].lower())
     check_interrupt()
     with undisturbed():
         # Both files or neither.
@@ -77,7 +77,7 @@ def chart(
     if as_json:
         print_json(found.as_json())
         return
-    click.echo(str(found))
+    tell(found)
     click.echo(f"chart: {target}")
 
 
@@ -87,14 +87,25 @@ def chart(
 @click.option("--order", type=int, help="Highest order of the reduced flows.")
 @json_option
 def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bool) -> None:
-    """The cheapest of the reduced flows and the full system that meets the tolerance of MODEL, and why."""
+    """Find the cheapest model that meets the tolerance of MODEL: a reduced flow or the full system."""
     from gsp.choice.choice import choose as choose_model
 
+    if not scene.has_small:
+        from gsp.reductions.reductions import find_reductions
+
+        found = find_reductions(scene, tolerance=tolerance)
+        if as_json and found.recommended is None:
+            print_json({"name": scene.name, **found.as_dict()})
+        else:
+            tell(found, err=as_json)
+        if found.recommended is None:
+            return
+        scene = found.recommended.scene
     choice = choose_model(scene, tolerance=tolerance, **orders_through(order))
     if as_json:
         print_json(choice.as_json())
         return
-    click.echo(str(choice))
+    tell(choice)
 
 
 @cli.command()
@@ -114,10 +125,10 @@ def sweep(
     status: bool,
     as_json: bool,
 ) -> None:
-    """Do a task at every point of a grid: PLAN is a plan file, or the folder of a sweep to go on with.
+    """Do a task at every point of a grid. PLAN is a plan file, or the folder of a sweep that was begun.
 
-    The same command goes on where it stopped. Given several times at once, on hosts that see the folder, it shares the
-    work.
+    Run the command again to continue where it stopped. Run it several times at once, on one machine or on several that
+    share the folder, to divide the work.
     """
     from gsp.sweeps.plan_file import read_plan_file
     from gsp.sweeps.sweep import Sweep, resume
@@ -155,5 +166,5 @@ def sweep(
         counts = {"points": found.size, "computed": found.computed, "failed": found.failed}
         print_json({"folder": str(folder), **counts, "failures": found.failures()})
         return
-    click.echo(str(found))
+    tell(found)
     click.echo(f"results: {folder}")

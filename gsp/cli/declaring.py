@@ -8,7 +8,7 @@ import click
 
 from gsp.cli.asking import json_option, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import print_json, wrote
+from gsp.cli.telling import print_json, tell, wrote
 from gsp.errors import GspError
 from gsp.results.files import write_file
 
@@ -34,7 +34,7 @@ def models(as_json: bool) -> None:
 @output_option("File for the model [FILE with the suffix .toml].")
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 def import_(file: Path, small: str | None, output: Path | None, force: bool) -> None:
-    """Read FILE and write it as a model file; say what was understood and left out.
+    """Read FILE and write it as a model file. Say what was understood, and what was left out.
 
     FILE is an .ode file of XPPAUT, SBML (.xml, .sbml) or Antimony (.ant).
     """
@@ -49,5 +49,5 @@ def import_(file: Path, small: str | None, output: Path | None, force: bool) -> 
     write_file(found.text.encode(), target)
     wrote(target)
     for note in found.notes:
-        click.echo(note)
+        tell(note)
     click.echo(f"model: {target}")

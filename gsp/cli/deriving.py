@@ -8,7 +8,7 @@ import click
 
 from gsp.cli.asking import asks, json_option
 from gsp.cli.program import cli
-from gsp.cli.telling import print_json
+from gsp.cli.telling import print_json, screenful, tell
 from gsp.errors import GspError
 
 if TYPE_CHECKING:
@@ -19,13 +19,18 @@ USUAL = 3
 
 
 @cli.command()
-@asks("set", "small", "fast")
+@asks("set", "small", "fast", looks=True)
 @json_option
 def split(scene: Scene, as_json: bool) -> None:
-    """Find the slow and the fast variables of MODEL, and say how."""
+    """Find the slow and the fast variables of MODEL, and say how they were found.
+
+    With two small parameters this is done for both.
+    """
+    from gsp.nested.nesting import nest
     from gsp.scenes.study import study_of
 
     study = study_of(scene)
+    nested = nest(scene, order=0) if scene.second else None
     splitting, system = study.splitting, study.system
     if as_json:
         identity = {s.name: s.name for s in system.states}
@@ -39,21 +44,26 @@ def split(scene: Scene, as_json: bool) -> None:
                 else {s.name: str(e) for s, e in splitting.coordinates.items()},
                 "conserved": [x.name for x, rate in system.slow.items() if rate == 0],
                 "explanation": "declared in standard form" if splitting is None else splitting.explain(),
+                "nested": None if nested is None else nested.as_dict(),
             }
         )
         return
     still = [] if splitting is not None else [x for x, rate in system.slow.items() if rate == 0]
     declared = "\n".join(["Declared in standard form.", *(f"Conserved: {x}, for {x}' = 0." for x in still)])
-    click.echo((declared if splitting is None else splitting.explain()) + "\n")
-    click.echo(str(system))
+    tell((declared if splitting is None else splitting.explain()) + "\n")
+    tell(system)
+    if nested is not None:
+        tell(f"\n{nested.explain()}")
 
 
 @cli.command()
-@asks("set", "small", "fast")
-@click.option("--order", type=int, help="Highest power of epsilon [3, or what the budget of terms allows].")
-@click.option("--raw", is_flag=True, help="In the field's own variables instead of the slow and fast ones.")
+@asks("set", "small", "fast", looks=True)
+@click.option("--order", type=int, help="Highest power of epsilon [3, or less if the terms become too long].")
+@click.option("--raw", is_flag=True, help="Use the model's own variables, not the slow and fast ones.")
 @click.option(
-    "--values", is_flag=True, help="Put the parameters' values in: much shorter where there are many."
+    "--values",
+    is_flag=True,
+    help="Insert the values of the parameters. With many parameters this is much shorter.",
 )
 @json_option
 def expand(scene: Scene, order: int | None, raw: bool, values: bool, as_json: bool) -> None:
@@ -98,46 +108,66 @@ def expand(scene: Scene, order: int | None, raw: bool, values: bool, as_json: bo
         return
     if not study.branch.is_explicit:
         fast = ", ".join(y.name for y in study.system.y)
-        click.echo(f"Here {fast} is the point of the critical manifold over the slow variables: {study.branch}")
+        tell(f"Here {fast} is the point of the critical manifold over the slow variables: {study.branch}")
     remedy = "--json prints all of it" if values else "--values is shorter, --json prints all of it"
     for letter, part in fields:
         for k, size in enumerate(whole.sizes):
             if k > through:
-                click.echo(f"{letter}_{k}  has coefficients of up to {size} terms; {remedy}")
+                tell(f"{letter}_{k}  has coefficients of up to {size} terms; {remedy}")
                 continue
             for symbol, expression in part[k].as_dict().items():
                 prime = "'" if letter == "f" else ""
-                click.echo(f"{letter}_{k}  {symbol}{prime} = {expression}")
+                text = str(expression)
+                if len(text) > screenful():
+                    text = f"{len(text):,} characters, more than a screen; a pipe, a file or --json has all of them"
+                tell(f"{letter}_{k}  {symbol}{prime} = {text}")
     if ending:
-        click.echo(ending)
+        tell(ending)
 
 
 @cli.command()
-@asks("set", "region", "small", "fast")
+@asks("set", "region", "small", "fast", looks=True)
+@click.option("--blow-up", is_flag=True, help="Print the charts in which each of these points is blown up.")
 @json_option
-def folds(scene: Scene, as_json: bool) -> None:
+def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
     """Follow the critical manifold of MODEL through its folds.
 
-    In a box that is wider than the region by one and a half of its widths on every side; what is found outside the
-    region is called so. At a fold, a and b are the coefficients of v' = b dx + a v^2 along the null direction.
+    The search covers a box that is larger than the region by one and a half of its widths on every side. Points outside
+    the region are marked. At a fold, a and b are the coefficients of v' = b dx + a v^2 along the null direction. The
+    weights say with which powers of epsilon orbits pass the point. For a field
+    that switches, the ends of sliding in the region are listed too.
     """
-    from gsp.analysis.fold_surroundings import never_folds, not_followed, surroundings
+    from gsp.analysis.fold_surroundings import (
+        local_scales,
+        never_folds,
+        not_followed,
+        surroundings,
+        switch_ends,
+    )
     from gsp.critical.continuation.critical_curve import CriticalCurve
     from gsp.scenes.study import study_of
 
     study = study_of(scene)
     found, obstacle = surroundings(study), not_followed(study)
+    ends = switch_ends(study)
+    sides = [
+        {"kind": str(end.kind), "point": dict(end.point), "coefficients": dict(end.coefficients)}
+        for end in ends
+    ]
     if obstacle is not None and never_folds(study.branch):
         message = obstacle.fact
         if as_json:
-            print_json({"name": scene.name, "message": message, "special": [], "curves": []})
+            print_json(
+                {"name": scene.name, "message": message, "special": [], "curves": [], "switch_ends": sides}
+            )
         else:
-            click.echo(message)
+            tell("\n".join([message, *map(str, ends)]))
         return
     if obstacle is not None:
         raise obstacle
     assert found is not None
     curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
+    scales = local_scales(study, found)
     if as_json:
         print_json(
             {
@@ -153,6 +183,13 @@ def folds(scene: Scene, as_json: bool) -> None:
                     for curve in curves
                     for p in curve.special
                 ],
+                "switch_ends": sides,
+                "blow_ups": [
+                    {"point": dict(s.point), "reason": str(s.reason)}
+                    if s.blow_up is None
+                    else {"point": dict(s.point), **s.blow_up.as_dict()}
+                    for s in scales
+                ],
                 "curves": [
                     {
                         "kind": "critical manifold" if isinstance(curve, CriticalCurve) else "folds",
@@ -164,4 +201,7 @@ def folds(scene: Scene, as_json: bool) -> None:
         )
         return
     texts = [curve.described(study.region) for curve in curves]
-    click.echo("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))
+    told = [str(s.blow_up) if blow_up and s.blow_up is not None else f"  {s}" for s in scales]
+    texts += ["powers of epsilon there", *told] if scales else []
+    texts += map(str, ends)
+    tell("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))

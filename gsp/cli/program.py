@@ -22,10 +22,6 @@ from gsp.results.interrupts import noticing
 DEFECT = 70
 
 
-# Objects made between two looks for cycles. A command makes expressions, which stay, and hardly a cycle: with Python's
-# 700 the looks take 0.8 of the 6 s of a report, with these 0.2 s.
-BETWEEN_LOOKS = 100_000
-
 # With this environment variable a defect shows its traceback, with Python's own status, 1.
 DEBUG = "GSP_DEBUG"
 
@@ -100,7 +96,9 @@ def _stop_writing() -> None:
 def main() -> None:
     """Run the command line and exit with its status."""
     warnings.showwarning = _tell
-    gc.set_threshold(BETWEEN_LOOKS)
+    # Objects made between two looks for cycles. A command makes expressions, which stay, and hardly a cycle:
+    # with Python's 700 the looks take 0.8 of the 6 s of a report, with these 0.2 s.
+    gc.set_threshold(100_000)
     # Python looks for cycles among all objects as it ends: a seventh of the time of a report.
     atexit.register(gc.freeze)
     written: list[Path] = []

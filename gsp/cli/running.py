@@ -10,7 +10,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, orders_through, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, print_json, progress_bar, wrote
+from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, wrote
 from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
 
 ENDINGS = (".csv", ".json")
-# That of `integrate`.
-RTOL = 1e-8
 
 
 @cli.command()
@@ -29,19 +27,22 @@ RTOL = 1e-8
 @output_option("File for the values, .csv or .json [not written].")
 @json_option
 def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> None:
-    """Run MODEL over its span: the full system from the scene's start, or a reduced flow from its base point.
+    """Run MODEL over its time span: the full system, or with --order a reduced flow.
 
-    The base point is where the fast fibre through the start meets the slow manifold, through epsilon^N.
+    The full system starts at the model's start. A reduced flow of order N starts at the base point of the start: the
+    point where the fast fibre through the start meets the slow manifold, computed through epsilon^N.
     """
     _check_target(output)
-    from gsp.integration.trajectory import trajectory_of
-    from gsp.scenes.tolerances import absolute_tolerance
+    from gsp.integration.trajectory import RunOptions, trajectory_of
+    from gsp.scenes.tolerances import RTOL, absolute_tolerance
 
     atol = absolute_tolerance(RTOL, scene.region, scene.full_start)
     with progress_bar("run") as show:
         if order is None:
             flow, start, span, epsilon = scene.setting(None, None, None)
-            found = trajectory_of(flow, start, span, epsilon, rtol=RTOL, atol=atol, progress=show)
+            found = trajectory_of(
+                flow, start, span, epsilon, rtol=RTOL, atol=atol, options=RunOptions(progress=show)
+            )
         else:
             from gsp.scenes.study import study_of
 
@@ -53,7 +54,7 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
                 epsilon=scene.epsilon,
                 rtol=RTOL,
                 atol=atol,
-                progress=show,
+                options=RunOptions(progress=show),
             )
     _give(found, output, as_json)
 
@@ -66,14 +67,18 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
 def compare(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> None:
     """Compare the reduced flows of MODEL with the full system over its ladder of epsilons: errors and slopes.
 
-    Both runs begin on the slow manifold, over the scene's slow start; gsp choose counts the initial layer too.
+    Both runs begin on the slow manifold, at the start of the slow variables, so the initial layer does not count here;
+    in gsp choose it does. If the model has two small parameters, both are made smaller together, and the orders are
+    those of the flow on the inner slow manifold. gsp nest gives the powers of each parameter alone.
     """
     _check_target(output)
     from gsp.comparison.comparison import compare as compare_flows
+    from gsp.nested.nesting import nest
 
-    orders = orders_through(order)
+    orders = orders_through(1 if scene.second and order is None else order)
+    target = nest(scene, order=orders["orders"][-1] + 1) if scene.second else scene
     with progress_bar("runs") as show:
-        found = compare_flows(scene, progress=show, **orders)
+        found = compare_flows(target, progress=show, **orders)
     _give(found, output, as_json)
 
 
@@ -100,6 +105,6 @@ def _give(found: Tabular, output: Path | None, as_json: bool) -> None:
     if as_json:
         print_json(found.as_json() if output is None else {"file": str(output)})
         return
-    click.echo(str(found))
+    tell(found)
     if output is not None:
         click.echo(f"values: {output}")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import click
 
 from gsp.cli.asking import asks, json_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, print_json, progress_bar
-from gsp.errors import DeclarationError
+from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell
+from gsp.errors import DeclarationError, GspError
 
 if TYPE_CHECKING:
     from gsp.scales.small_parameter import SmallParameter
@@ -21,22 +22,31 @@ if TYPE_CHECKING:
 @click.option(
     "--parameters",
     is_flag=True,
-    help="Which parameters may be called small, and what is left where they vanish.",
+    help="Find which parameters may be called small, and what remains when they vanish.",
 )
+@click.option("--keep", multiple=True, metavar="NAME", help="This parameter is not small. May be repeated.")
 @click.option(
-    "--keep", multiple=True, metavar="NAME", help="A parameter that does not vanish. May be repeated."
+    "--scalings",
+    is_flag=True,
+    help="Scale variables and time by powers of the small parameter so that its poles become simple.",
 )
 @json_option
-def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], as_json: bool) -> None:
+def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], scalings: bool, as_json: bool) -> None:
     """Find the time scales of MODEL along its run, with or without a small parameter.
 
-    The time scales of the modes, fastest first, how many of them are exhausted, and the gap to the next.
+    Prints the time scales of the modes along the run, fastest first. Says how many modes are exhausted, which means
+    that they have decayed and no longer act, and how large the gap to the next mode is.
     """
+    if parameters and scalings:
+        raise DeclarationError("--parameters and --scalings cannot be combined.", "Give one of them.")
     if parameters:
         _tell_parameters(scene, keep, as_json)
         return
+    if scalings:
+        _tell_scalings(scene, as_json)
+        return
     if keep:
-        raise DeclarationError("--keep says which parameters do not vanish.", "Add --parameters.")
+        raise DeclarationError("--keep belongs to --parameters.", "Add --parameters, or leave --keep out.")
     from gsp.scales.time_scales import time_scales
 
     with progress_bar("time scales") as show:
@@ -45,37 +55,85 @@ def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], as_json: bool)
     if as_json:
         print_json(found.as_json())
         return
-    click.echo(str(found))
+    tell(found)
 
 
-def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None:
-    from gsp.scales.special_values import small_parameters
-    from gsp.scenes.small_parameter import without_small
-    from gsp.systems.system import VectorField
+def _tell_scalings(scene: Scene, as_json: bool) -> None:
+    from gsp.splitting.scaling import scalings
 
-    field = without_small(scene).system
-    assert isinstance(field, VectorField)
-    with progress_bar("special values") as show:
-        found = small_parameters(field, kept=keep, progress=show)
+    found = scalings(scene.system.as_field())
     check_interrupt()
     if as_json:
         print_json(
             {
                 "name": scene.name,
-                "status": found.status.name,
-                "message": found.message,
-                "parameters": [_plain(each) for each in found],
+                "scalings": [
+                    {
+                        "states": {s.name: str(e) for s, e in each.states.items()},
+                        "exponents": {s.name: float(a) for s, a in each.exponents.items()},
+                        "time": float(each.time),
+                        "power": float(each.power),
+                        "epsilon": str(each.field.epsilon),
+                        "rates": {s.name: str(e) for s, e in each.field.equations.items()},
+                    }
+                    for each in found
+                ],
             }
         )
         return
-    useful = [each for each in found if each.attracts is not False and each.is_positive is not False]
+    for each in found:
+        tell(each)
+        for state, rate in each.field.equations.items():
+            tell(f"    {state}' = {rate}")
+    if not found:
+        tell(f"No small powers of {scene.system.epsilon} bring out fast variables.")
+
+
+def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None:
+    from gsp.integration.trajectory import trajectory_of
+    from gsp.reductions.special_parts import with_errors
+    from gsp.scales.special_values import small_parameters
+    from gsp.scenes.small_parameter import without_small
+    from gsp.scenes.study import RTOL
+    from gsp.scenes.tolerances import absolute_tolerance
+    from gsp.systems.system import VectorField
+
+    plain = without_small(scene)
+    field = plain.system
+    assert isinstance(field, VectorField)
+    with progress_bar("special values") as show:
+        found = small_parameters(field, kept=keep, progress=show)
+    check_interrupt()
+    measured, told = tuple(found), found.message
+    try:
+        atol = absolute_tolerance(RTOL, {}, plain.start)
+        run = trajectory_of(field, plain.start, plain.span, rtol=RTOL, atol=atol)
+        measured = with_errors(plain, run, found)
+        told += "" if run.status.ok else f" Errors were not measured. {run.message}"
+    except GspError as error:
+        told += f" Errors were not measured: {error.reason}"
+    if as_json:
+        print_json(
+            {
+                "name": scene.name,
+                "status": found.status.name,
+                "message": told,
+                "parameters": [_plain(each) for each in measured],
+            }
+        )
+        return
+    useful = [each for each in measured if each.attracts is not False and each.is_positive is not False]
     for each in useful:
-        click.echo(str(each))
+        tell(each)
         for state, rate in each.reduced.items():
-            click.echo(f"    {state}' = {rate}")
+            tell(f"    {state}' = {rate}")
+        if each.error is not None and isfinite(each.error):
+            click.echo(
+                f"    error at these values over t = {scene.span[0]:g} to {scene.span[1]:g}: {each.error:.2g}"
+            )
     if not useful:
-        click.echo("No parameter of this model may be called small.")
-    click.echo(found.message)
+        tell("No parameter of this model may be called small.")
+    tell(told)
     if len(useful) < len(found):
         click.echo(
             f"{len(found) - len(useful)} more manifolds do not attract, or have no points with positive states; "
@@ -92,5 +150,5 @@ def _plain(found: SmallParameter) -> dict[str, object]:
         "attracts": found.attracts,
         "is_positive": found.is_positive,
         "reduced": {state.name: str(rate) for state, rate in found.reduced.items()},
-        "error": found.error,
+        "error": None if found.error is None or not isfinite(found.error) else found.error,
     }

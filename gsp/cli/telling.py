@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
@@ -10,6 +12,7 @@ from pathlib import Path
 import click
 
 from gsp.errors import printable
+from gsp.results.lettering import in_unicode
 
 NOTE = 160
 """Characters of a note on a foreign model."""
@@ -47,6 +50,12 @@ def tell_notes(notes: Iterable[str]) -> None:
             click.echo(f"gsp: {printable(note if len(note) <= NOTE else note[: NOTE - 3] + '...')}", err=True)
 
 
+def screenful() -> float:
+    """Letters that the terminal shows at once; infinite where standard output is none and everything is wanted."""
+    size = shutil.get_terminal_size()
+    return size.columns * size.lines if sys.stdout.isatty() else float("inf")
+
+
 @contextmanager
 def progress_bar(description: str, *, left: bool = False) -> Iterator[Callable[..., None]]:
     """A bar as the package's own, which also sees that Ctrl-C has come."""
@@ -59,6 +68,18 @@ def progress_bar(description: str, *, left: bool = False) -> Iterator[Callable[.
             bar(share, stage)
 
         yield show
+
+
+def tell(text: object, *, err: bool = False) -> None:
+    """Print words or formulas: with ε and x² on a terminal that has them, and plain to a file or a pipe."""
+    shown = str(text)
+    stream = sys.stderr if err else sys.stdout
+    if stream.isatty():
+        with suppress(LookupError, UnicodeEncodeError):
+            lettered = in_unicode(shown)
+            lettered.encode(stream.encoding or "ascii")
+            shown = lettered
+    click.echo(shown, err=err)
 
 
 def print_json(value: object) -> None:

@@ -10,26 +10,45 @@ import click
 
 from gsp.cli.asking import OPTIONS, asks, json_option, load_scene, output_option, scene_with_options, taken
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
+from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, tell, wrote
 from gsp.errors import DeclarationError, GspError
+from gsp.exports import TARGETS
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
+    from gsp.reductions.reductions import Reductions
     from gsp.scenes.scene import Scene
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start", "small", "fast", by_two=True)
+@asks("set", "epsilon", "region", "start", "small", "fast", by_two=True, looks=True, tells=True)
 @output_option("Folder for the report [gsp-report-NAME].")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
+@click.option("--latex", is_flag=True, help="Write a manuscript too: report.tex, report.bib, figures as PDF.")
 @click.option("--open/--no-open", "opened", default=False, help="Show the report in the browser [no].")
 @json_option
-def report(scene: Scene, output: Path | None, order: int, opened: bool, as_json: bool) -> None:
-    """Analyse MODEL and write report.html, report.json, the figures, and report.toml, the model as it was asked."""
+def report(
+    scene: Scene,
+    reductions: Reductions | None,
+    output: Path | None,
+    order: int,
+    latex: bool,
+    opened: bool,
+    as_json: bool,
+) -> None:
+    """Analyse MODEL and write a report: report.html, report.json, the figures, and report.toml.
+
+    report.toml is the model with the options given here. If the model does not say what is small, the report begins
+    with its time scales and says which variables can be eliminated. A model with a fast phase is averaged, and the
+    report describes the average.
+    """
     from gsp.analysis.analysis import STAGES, analyse
     from gsp.report import check_folder, write_report
 
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
+    if scene.phase is not None:
+        _averaged_report(scene, folder, order, opened, as_json, latex=latex)
+        return
     with progress_bar("") as show:
         check_folder(folder)
         stages = (*STAGES, "report")
@@ -40,25 +59,53 @@ def report(scene: Scene, output: Path | None, order: int, opened: bool, as_json:
             show((stages.index(stage) + share) / len(stages), stage)
 
         analysis = analyse(scene, order=order, progress=progress)
-        page = write_report(analysis, folder, progress=lambda share: progress("report", share))
+        page = write_report(
+            analysis,
+            folder,
+            reductions=reductions,
+            latex=latex,
+            progress=lambda share: progress("report", share),
+        )
     written = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
     if as_json:
         print_json(written)
         _show(page, opened, as_json)
         return
     if "choice" not in analysis.lost:
-        click.echo(str(analysis.choice.verdict))
-    click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.shown_gap(4)} in fast time")
+        tell(analysis.choice.verdict)
+    tell(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.shown_gap(4)} in fast time")
     for condition in analysis.hyperbolicity.conditions:
         if not condition.holds:
-            click.echo(f"over the region as a whole: {condition}")
+            tell(f"over the region as a whole: {condition}")
     if "comparison" not in analysis.lost:
-        click.echo(str(analysis.comparison))
+        tell(analysis.comparison)
     if "series" not in analysis.lost and analysis.cut:
-        click.echo(analysis.cut)
+        tell(analysis.cut)
     for name, reason in written["missing"].items():
-        click.echo(f"not made: {name}: {reason}")
+        tell(f"not made: {name}: {reason}")
     click.echo(f"report: {page}")
+    if latex:
+        click.echo(f"manuscript: {page.parent / 'report.tex'}; latexmk -pdf compiles it")
+    _show(page, opened, as_json)
+
+
+def _averaged_report(
+    scene: Scene, folder: Path, order: int, opened: bool, as_json: bool, *, latex: bool
+) -> None:
+    """The report of a scene with a fast phase, which is averaged."""
+    from gsp.averaging.averaging import average
+    from gsp.report import check_folder, write_report
+
+    check_folder(folder)
+    found = average(scene, order=order)
+    with progress_bar("runs") as show:
+        page = write_report(found, folder, latex=latex, progress=show)
+        wrote(folder)
+    if as_json:
+        print_json(json.loads((page.parent / "report.json").read_text(encoding="utf-8")))
+    else:
+        tell(found)
+        click.echo(f"report: {page}")
     _show(page, opened, as_json)
 
 
@@ -69,6 +116,9 @@ def report(scene: Scene, output: Path | None, order: int, opened: bool, as_json:
 @OPTIONS["small"]
 @OPTIONS["fast"]
 @output_option("File for the page [gsp-demo-NAME.html].")
+@click.option(
+    "--story", type=click.Path(path_type=Path), metavar="FILE", help="TOML file that tells a story in steps."
+)
 @click.option("--open/--no-open", "opened", default=True, help="Show the page in the browser [yes].")
 @json_option
 def demo(
@@ -78,18 +128,20 @@ def demo(
     small: str | None,
     fast: str | None,
     output: Path | None,
+    story: Path | None,
     opened: bool,
     as_json: bool,
 ) -> None:
     """Write a page in which MODEL runs: drag epsilon, the parameters and the start. Without MODEL list the demos.
 
-    The page is one HTML file that needs no network. A built-in scene with a story is told in steps.
+    The page is one HTML file that needs no network. Some built-in scenes come with a story that is told in steps. With
+    --story FILE you can tell one about any model.
     """
     from gsp.demos.demo import demo as make_demo
     from gsp.demos.demo import stories
 
     if model is None:
-        if settings or any(option is not None for option in (epsilon, small, fast, output)):
+        if settings or any(option is not None for option in (epsilon, small, fast, output, story)):
             raise DeclarationError(
                 "a demo is made of a model.", "Name a scene or a model file.", got="options and no MODEL"
             )
@@ -101,7 +153,7 @@ def demo(
     if not target.absolute().parent.is_dir():
         raise GspError(f"there is no folder {target.absolute().parent}.", "Make it, or give another path.")
     with compiling_told():
-        page = make_demo(scene)
+        page = make_demo(scene, story=story)
     check_interrupt()
     page.save(target)
     wrote(target)
@@ -135,7 +187,7 @@ def _list_demos(with_story: tuple[str, ...], as_json: bool) -> None:
 @asks("set", "epsilon", "small", "fast")
 @output_option("File for the picture, .gif or .mp4 [gsp-NAME.gif].")
 @click.option("--view", metavar="NAME", help="One of the model's views [its path, or its first plane view].")
-@click.option("--seconds", default=6.0, show_default=True, help="How long the picture moves.")
+@click.option("--seconds", default=5.0, show_default=True, help="How long the picture moves.")
 def animate(scene: Scene, output: Path | None, view: str | None, seconds: float) -> None:
     """Write a moving picture of MODEL for slides: its path, a view, or its run past the critical manifold."""
     from gsp.demos.animation import animate as make_animation
@@ -148,19 +200,22 @@ def animate(scene: Scene, output: Path | None, view: str | None, seconds: float)
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "small", "fast")
+@asks("set", "epsilon", "region", "small", "fast", looks=True)
 @click.option("--order", default=1, show_default=True, help="Highest power of epsilon in the reduced flow.")
 @click.option(
     "--to",
     default="python",
     show_default=True,
     metavar="FORMAT",
-    help="python, jax, casadi, c, javascript, julia, latex, ode (XPPAUT) or sbml.",
+    help=f"{', '.join(TARGETS[:-1])} or {TARGETS[-1]}.",
 )
 @output_option("File for the text [printed].")
 @json_option
 def export(scene: Scene, order: int, to: str, output: Path | None, as_json: bool) -> None:
-    """Write the reduced flow of MODEL for another tool: text that stands alone, its measured error in a comment."""
+    """Write the reduced flow of MODEL for another tool.
+
+    The text needs nothing else to run, and a comment gives its measured error.
+    """
     from gsp.exports.export import export as export_scene
 
     text = export_scene(scene, order=order, to=to)

@@ -17,7 +17,8 @@ import numpy as np
 from gsp.critical.sampling import Sampler
 from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.nested.nesting import Nesting
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
@@ -37,13 +38,6 @@ CHECK = 10.0
 ROUNDING = 4 * np.finfo(float).eps
 # Errors must stand this far above the reference's own error to enter a slope.
 CLEARANCE = 30.0
-# The slope is fitted to this many of the smallest epsilons that stand clear.
-FITTED = 3
-# With a correction errors are measured after (M + this) epsilon/gap ln(1/epsilon), M the highest power of epsilon
-# corrected for: what is left of the layer is then epsilon^2 times smaller than the smallest error expected.
-LAYER_MARGIN = 3
-# A run that leaves a manifold of saddle type ends somewhere; it is not followed for ever.
-MAX_STEPS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +49,7 @@ class Comparison(Drawn, Tabular):
     (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start corrected through
     epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for rival reduced fields
     of the scene in `claims` and `claim_slopes`. `ending` says why the highest orders asked for are left out, where the
-    exact algebra did not reach them.
+    exact algebra did not reach them. `begins` says where both runs begin, where that is not on a slow manifold.
     """
 
     scene: Scene
@@ -69,6 +63,7 @@ class Comparison(Drawn, Tabular):
     claim_slopes: Mapping[str, float] = field(default_factory=dict)
     correction: int | None = None
     ending: str = ""
+    begins: str = ""
 
     def is_exact(self, order: int) -> bool:
         """Whether every error of this order is within the reference's own error."""
@@ -89,12 +84,16 @@ class Comparison(Drawn, Tabular):
             f"  {name}: slope {self.claim_slopes[name]:.2f}  " + "  ".join(f"{e:9.2e}" for e in values)
             for name, values in self.claims.items()
         ]
-        if self.correction is None:
+        if self.begins:
+            start = self.begins
+        elif self.correction is None:
             start = "both runs begin on the slow manifold, over the scene's slow start"
         else:
             base = f"the reduced one at its base point through epsilon^{self.correction}"
             start = f"the full run begins off the slow manifold, {base}"
-        title = f"largest relative error of the reduced run, by epsilon; {start}"
+        title = (
+            f"largest relative error of the reduced run, by {self.scene.system.epsilon or 'epsilon'}; {start}"
+        )
         ending = [f"  {self.ending}"] if self.ending else []
         return "\n".join([title, head, *rows, *self._missing(), *ending])
 
@@ -118,7 +117,7 @@ class Comparison(Drawn, Tabular):
 
 
 def compare(
-    scene: Scene | Study,
+    scene: Scene | Study | Nesting,
     *,
     orders: Sequence[int] = (0, 1, 2, 3),
     epsilons: Sequence[float] | None = None,
@@ -133,12 +132,17 @@ def compare(
     fast fibre through it, through the power `correction` of epsilon; errors are measured outside the layer, from
     (M + 3) epsilon/gap ln(1/epsilon) on, M = min(correction, highest order). With 0 only the slow coordinates are kept.
 
+    Of a `Nesting` the flows through the total order N in its two small parameters are compared with the whole system,
+    over sigma, which scales both; orders below that of its series are, and there is no `correction`. In one of the two
+    alone compare `nesting.alone[name]`.
+
     A run that stops early gives nan for its epsilon, and its `Status` is kept. Orders that the exact algebra does not
     reach are left out, and `ending` says why; it is an error where it reaches none of them. Raises what the stages
     before raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a
     base point; `DeclarationError` when the layer takes more than half of the span.
     """
-    study = study_of(scene, verb="compare")
+    nesting = scene if isinstance(scene, Nesting) else None
+    study = study_of(scene.second if isinstance(scene, Nesting) else scene, verb="compare")
     scene = study.scene
     valid_orders = tuple(dict.fromkeys(check_orders(orders)))
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
@@ -147,17 +151,22 @@ def compare(
     if correction is not None:
         check_order(correction, what="correction")
     check_progress(progress)
-    reached, ending = study.series_within_budget(max(valid_orders))
+    if nesting is not None:
+        valid_orders = _below(nesting, valid_orders, correction)
+    reached, ending = study.run_within_budget(max(valid_orders))
     reached_orders = tuple(n for n in valid_orders if n <= reached.order)
     if not reached_orders:
         # Says which order was reached, and what helps.
-        study.series(min(valid_orders), symbolic=False)
+        study.run_series(min(valid_orders))
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
     series = study.short_series(max(reached_orders) + 1, at_least=max(reached_orders))
     flows = {n: study.reduced(n, reconstructed=False) for n in reached_orders}
     rivals = _rivals(scene, study)
     inner = None if correction is None else _inner(study, correction)
     direction = sense(study)
+    full, slow = (
+        (study.system, [x.name for x in study.system.x]) if nesting is None else (nesting.ray, nesting.watched)
+    )
     errors: dict[int, list[float]] = {n: [] for n in reached_orders}
     statuses: dict[int, list[Status]] = {n: [] for n in reached_orders}
     claimed: dict[str, list[float]] = {name: [] for name in rivals}
@@ -173,19 +182,19 @@ def compare(
             first = scene.span[0] + layer_time(inner, scene, epsilon, max(reached_orders))
             last = scene.span[1]
         grid = np.linspace(first, last, GRID_POINTS)
-        reference = _run(study.system, start, scene, epsilon, grid)
-        check = _run(study.system, start, scene, epsilon, grid, loosened=CHECK)
-        slow = [x.name for x in study.system.x]
-        floor.append(max(_error(check, reference, slow) / CHECK, ROUNDING))
+        begin = start if nesting is None else nesting.whole(start, epsilon)
+        reference = run_on(full, begin, scene, epsilon, grid)
+        check = run_on(full, begin, scene, epsilon, grid, loosened=CHECK)
+        floor.append(max(largest_error(check, reference, slow) / CHECK, ROUNDING))
         for n, flow in flows.items():
-            run = _run(flow, slow_start, scene, epsilon, grid)
-            errors[n].append(_error(run, reference, slow))
+            run = run_on(flow, slow_start, scene, epsilon, grid)
+            errors[n].append(largest_error(run, reference, slow))
             statuses[n].append(run.status if not run.status.ok else reference.status)
         for name, rival in rivals.items():
             names = [z.name for z in rival.states]
             there = {z: float(reference[z][0]) for z in names}
-            run = _run(rival, there, scene, epsilon, grid, begin=first)
-            claimed[name].append(_error(run, reference, names))
+            run = run_on(rival, there, scene, epsilon, grid, begin=first)
+            claimed[name].append(largest_error(run, reference, names))
         if progress is not None:
             progress((i + 1) / len(ladder))
     expected = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
@@ -206,6 +215,23 @@ def compare(
     )
 
 
+def _below(nesting: Nesting, orders: tuple[int, ...], correction: int | None) -> tuple[int, ...]:
+    """Of `orders` those below that of the nested series: the whole system starts by one order more than compared."""
+    if correction is not None:
+        raise DeclarationError(
+            "a nested reduction is compared on its slow manifold.", "Leave the correction out.", got=correction
+        )
+    below = tuple(n for n in orders if n < nesting.order)
+    if not below:
+        raise DeclarationError(
+            f"the nested series is known through order {nesting.order}, and lower orders are compared.",
+            "Give nest() a higher order.",
+            got=f"orders {', '.join(map(str, orders))}",
+            value=orders,
+        )
+    return below
+
+
 def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: float) -> dict[str, float]:
     """The point of M_epsilon over the slow part of `start`, by the series at its optimal order."""
     system = series.branch.system
@@ -219,11 +245,12 @@ def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[fl
 
     nan when fewer than two do.
     """
+    # The slope is fitted to this many of the smallest epsilons that stand clear.
     clear = [
         (e, error)
         for e, error, low in sorted(zip(epsilons, errors, floor))
         if np.isfinite(error) and error > CLEARANCE * low
-    ][:FITTED]
+    ][:3]
     if len(clear) < 2:
         return float("nan")
     x, y = np.log([e for e, _ in clear]), np.log([error for _, error in clear])
@@ -260,6 +287,7 @@ def sense(study: Study) -> int:
 
 def _inner(study: Study, correction: int) -> InnerExpansion:
     inner = expand_inner(study.branch, study.start, order=correction, fast_order=max(correction - 1, 0))
+    inner.require(correction)
     if inner.direction < 0:
         raise HyperbolicityError(
             f"the branch {study.branch} repels, so a run from off the slow manifold leaves it.",
@@ -270,7 +298,10 @@ def _inner(study: Study, correction: int) -> InnerExpansion:
 
 def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int) -> float:
     """Slow time until the layer is out of the way of the errors measured."""
-    power = min(highest, inner.order) + LAYER_MARGIN
+    # With a correction errors are measured after (M + 3) epsilon/gap ln(1/epsilon), M the highest power of
+    # epsilon corrected for: what is left of the layer is then epsilon^2 times smaller than the smallest error
+    # expected.
+    power = min(highest, inner.order) + 3
     time = power * epsilon / inner.gap * max(float(np.log(1.0 / epsilon)), 1.0)
     length = scene.span[1] - scene.span[0]
     if time > 0.5 * length:
@@ -282,7 +313,7 @@ def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int
     return time
 
 
-def _run(
+def run_on(
     flow,
     start,
     scene: Scene,
@@ -292,6 +323,8 @@ def _run(
     loosened: float = 1.0,
     begin: float | None = None,
 ) -> Trajectory:
+    """A run over `grid`, from `begin` or the scene's first time, at the tolerances that are compared."""
+    # A run that leaves a manifold of saddle type ends somewhere; it is not followed for ever.
     return trajectory_of(
         flow,
         start=start,
@@ -300,12 +333,11 @@ def _run(
         rtol=RTOL * loosened,
         atol=absolute_tolerance(RTOL * loosened, scene.region, scene.start),
         at=grid,
-        stops_at_times=True,
-        max_steps=MAX_STEPS,
+        options=RunOptions(stops_at_times=True, max_steps=100_000),
     )
 
 
-def _error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:
+def largest_error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:
     """Largest |difference| over the grid and the quantities `names`, each relative to its largest value."""
     if not (run.status.ok and reference.status.ok):
         return float("nan")

@@ -1,18 +1,22 @@
-"""Charts and tables of the nouns of this package."""
+"""Charts and tables of the nouns of this package, and what a sweep records of its verbs."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from gsp.comparison.comparison import Comparison
+from gsp.comparison.comparison import Comparison, compare
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.method_table import MethodTable
-from gsp.comparison.survey import Claim
+from gsp.comparison.survey import EXPLICIT, Claim, demands_of, reduced_name
 from gsp.comparison.work_precision import WorkPrecision
+from gsp.results.point_verbs import Labels, Record, records
 from gsp.results.registry import Makers, charts, tables
 from gsp.results.table import Column, Table, numbers, texts
+from gsp.scenes.study import Study
+from gsp.systems.flow import check_orders
 
 
 @tables.of(Comparison)
@@ -152,6 +156,41 @@ def _claimed(name: str, dimensions: tuple[str, ...], claims: Mapping[str, Claim]
     return {
         f"{name}_measure": Column(dimensions, np.array([claim.measure for claim in claims.values()])),
         f"{name}_holds": Column(dimensions, np.array([claim.holds for claim in claims.values()])),
+    }
+
+
+def _each_order(study: Study, *, orders: tuple[int, ...] = (0, 1, 2, 3), **_: object) -> Labels:
+    return {"error": {"order": check_orders(orders)}}
+
+
+@records("compare", labels=_each_order)
+def _record_of_compare(
+    study: Study,
+    epsilon: float,
+    tolerance: float,
+    *,
+    orders: tuple[int, ...] = (0, 1, 2, 3),
+    correction: int | None = None,
+) -> Record:
+    found = compare(study, orders=orders, epsilons=(epsilon,), correction=correction)
+    # An order that the exact algebra does not reach has no error.
+    errors = [found.errors[n][0] if n in found.errors else math.nan for n in check_orders(orders)]
+    return {"error": errors, "floor": found.floor[0]}
+
+
+def _each_method(study: Study, *, orders: tuple[int, ...] = (0, 1, 2, 3), **_: object) -> Labels:
+    names = (*(reduced_name(n) for n in check_orders(orders)), EXPLICIT)
+    return {"measure": {"method": names}, "holds": {"method": names}}
+
+
+@records("failure_map", labels=_each_method)
+def _record_of_failure_map(
+    study: Study, epsilon: float, tolerance: float, *, orders: tuple[int, ...] = (0, 1, 2, 3)
+) -> Record:
+    claims = list(demands_of(study, np.array([epsilon]), np.array([tolerance]), check_orders(orders)))
+    return {
+        "measure": [claim.measure[0, 0] for claim in claims],
+        "holds": [claim.holds[0, 0] for claim in claims],
     }
 
 

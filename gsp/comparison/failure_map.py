@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.comparison.survey import Claim, Survey, demands_of, reduced_name
+from gsp.comparison.survey import Claim, Survey, demands_of, no_slip_along, reduced_name
 from gsp.errors import DeclarationError, Named
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
@@ -151,7 +151,8 @@ def failure_map(
     - the series through each of `orders`: is as near to the slow manifold as `tolerance`;
     - the reduced flow of each order: its slow variables, over a piece of the span, agree with the full run;
     - explicit steps (DOP853): take at most four times the field calls of implicit ones (Radau IIA of order 9);
-    - implicit steps: reach the end of the piece.
+    - implicit steps: reach the end of the piece;
+    - no-slip, where contacts have dry friction: none lets go along the piece.
 
     `tolerance` is the scene's unless given. Raises `DeclarationError` for arguments that are not well formed, and what
     the stages raise for a scene that cannot be split, solved or expanded.
@@ -187,7 +188,7 @@ def failure_map(
         tolerances=checked_tolerances,
         tolerance=allowed,
         orders=valid_orders,
-        places=Named(survey.claims()),
+        places=Named(survey.claims() | no_slip_along(study, survey)),
         demands=Named({claim.method: claim for claim in demands}),
         best_order=survey.best_order,
         runs=survey.runs + ladder.size * (2 * checked_tolerances.size + len(valid_orders) + 2),

@@ -32,7 +32,7 @@ from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.slow.sampled_manifold import SampledManifold
-from gsp.slow.series import LONGEST, SeriesManifold
+from gsp.slow.series import LONGEST, SeriesManifold, length
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.arguments import shown
@@ -229,11 +229,11 @@ def _omitted(study: Study, gridded: bool, orders: Sequence[int]) -> dict[str, st
     left = [n for n in orders if short is None or n > short.order]
     for n in left:
         try:
-            longest = max(study.series(n, symbolic=False).sizes)
+            longest = length(study.run_series(n))
         except BudgetError as error:
             found[f"series {n}"] = str(error)
             continue
-        found[f"series {n}"] = f"its coefficients have up to {longest} terms, more than {LONGEST}"
+        found[f"series {n}"] = f"its coefficients have up to {longest}, more than {LONGEST}"
     return found
 
 

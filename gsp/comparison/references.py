@@ -13,9 +13,6 @@ from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import SAFETY
 
-# Tolerance of the segments, which is near rounding.
-TOLERANCE = 1e-13
-
 
 @dataclass(frozen=True, eq=False)
 class Reference:
@@ -74,7 +71,8 @@ def _segments(branch: Branch, x: np.ndarray, start: np.ndarray, epsilon: float) 
     """Segments through all points; None where M0 is not of one type there."""
 
     def solver(unstable: int) -> SegmentSolver:
-        return SegmentSolver(branch, epsilon=epsilon, unstable=unstable, tolerance=TOLERANCE)
+        # Tolerance of the segments, which is near rounding.
+        return SegmentSolver(branch, epsilon=epsilon, unstable=unstable, tolerance=1e-13)
 
     real = np.real(np.linalg.eigvals(solver(0).fast_jacobian(np.hstack([x, start]))))
     counts = np.unique((real > 0).sum(axis=1))

@@ -11,8 +11,9 @@ from gsp.comparison.comparison import compare, sense
 from gsp.critical.sampling import Sampler
 from gsp.errors import GspError
 from gsp.integration.methods import Method
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_function import finite_rows
+from gsp.scenes.bearing import no_slip_of
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 from gsp.slow.slow_points import zero_derivative
@@ -34,6 +35,7 @@ MANIFOLD = "slow manifold"
 NEWTON = "Newton's method"
 EXPLICIT = "explicit steps"
 IMPLICIT = "implicit steps"
+NO_SLIP = "no-slip"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -202,8 +204,7 @@ class Survey:
                 epsilon=epsilon,
                 rtol=RTOL,
                 atol=ATOL,
-                method=method,
-                max_steps=MAX_STEPS,
+                options=RunOptions(method=method, max_steps=MAX_STEPS),
             )
         except GspError:
             return None
@@ -231,6 +232,27 @@ class Survey:
             name: Claim(name, read_off[name][0], values, read_off[name][1])
             for name, values in self.measures.items()
         }
+
+
+def no_slip_along(study: Study, survey: Survey) -> dict[str, Claim]:
+    """For contacts with dry friction: whether none lets go along the piece of the sharp limit from each position."""
+    if study.scene.contacts is None:
+        return {}
+    measure = np.full((survey.epsilons.size, len(survey.x)), np.nan)
+    for j, x in enumerate(survey.x):
+        try:
+            found = no_slip_of(
+                study, start=dict(zip(survey.slow, map(float, x))), span=(0.0, abs(survey.piece))
+            )
+        except GspError:
+            continue
+        assert found is not None
+        if found.loss is not None:
+            measure[:, j] = np.inf
+        elif found.run.status.ok:
+            measure[:, j] = found.shares.max()
+    text = "largest share of what a contact bears that no-slip asks for, infinite where one lets go"
+    return {NO_SLIP: Claim(NO_SLIP, text, measure, 1.0)}
 
 
 def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray) -> np.ndarray | None:
@@ -292,8 +314,7 @@ def demands_of(
                     epsilon=float(epsilon),
                     rtol=tolerance,
                     atol=1e-2 * tolerance,
-                    method=method,
-                    max_steps=MAX_STEPS,
+                    options=RunOptions(method=method, max_steps=MAX_STEPS),
                 )
                 calls.append(run.stats.field_calls if run.status.ok else np.inf)
             implicit, explicit = calls

@@ -33,7 +33,7 @@ from gsp.errors import BranchError, DeclarationError, HyperbolicityError, unknow
 from gsp.fibres.base_points import project
 from gsp.fibres.inner_expansion import expand_inner
 from gsp.integration.methods import Method, check_method
-from gsp.integration.trajectory import trajectory_of
+from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
@@ -43,8 +43,6 @@ from gsp.slow.series import SeriesManifold
 from gsp.systems.arguments import check_each, check_number, check_positive, check_progress, shown
 from gsp.systems.flow import check_epsilon, check_orders
 
-# Times at which every run is compared, and asked for its values.
-GRID_POINTS = 25
 # The reference, and what its error is estimated from: two methods of different order.
 REFERENCE = (Method.RADAU13, Method.RADAU9)
 REFERENCE_RTOL = 1e-13
@@ -85,6 +83,32 @@ class WorkPrecision(Drawn, Tabular):
         fitting = [c for c in self.curves if kind in (None, c.kind) and np.isfinite(c.seconds_at(error))]
         return min(fitting, key=lambda c: c.seconds_at(error), default=None)
 
+    @property
+    def saving(self) -> float:
+        """How many times as long as a reduced run the fastest full run of its error takes, where that is most.
+
+        At most 1 says that reducing saves nothing here; nan where there is no reduced run, or nothing beside it.
+        """
+        full = [curve for curve in self.curves if curve.kind is not WorkKind.REDUCED]
+        ratios = [
+            seconds / point.seconds
+            for curve in self.curves
+            if curve.kind is WorkKind.REDUCED
+            for point in curve.points
+            if np.isfinite(
+                seconds := min((c.seconds_at(point.error) for c in full if c.points), default=np.nan)
+            )
+        ]
+        return max(ratios, default=float("nan"))
+
+    def saving_told(self) -> str:
+        """What reducing saves, as a sentence; empty where nothing can be compared."""
+        if np.isnan(self.saving):
+            return ""
+        if self.saving <= 1.0:
+            return "reducing saves nothing here: some full run is as exact and as fast"
+        return f"reducing saves a factor of {self.saving:.1f} at most, at equal error"
+
     def __repr__(self) -> str:
         runs = sum(len(curve.points) for curve in self.curves)
         return f"WorkPrecision({self.scene.name}, epsilon={self.epsilon:g}: {len(self.curves)} curves, {runs} runs)"
@@ -106,6 +130,8 @@ class WorkPrecision(Drawn, Tabular):
         lines.append(
             f"  reference: {REFERENCE[0].value}, within {self.reference_error:.1e} of {REFERENCE[1].value}"
         )
+        if told := self.saving_told():
+            lines.append(f"  {told}")
         lines += [f"  without {name}: {reason}" for name, reason in self.omitted.items()]
         return "\n".join(lines)
 
@@ -151,7 +177,8 @@ def work_precision(
     start, slow_start, first, origin = _start(study, series, value, max(valid_orders, default=0))
     direction = sense(study)
     last = scene.span[0] + direction * (scene.span[1] - scene.span[0])
-    grid = np.linspace(first, last, GRID_POINTS + 1)[1:]
+    # Times at which every run is compared, and asked for its values.
+    grid = np.linspace(first, last, 26)[1:]
     omitted: dict[str, str] = {}
     reference, disagreement = _reference(study, start, value, grid)
     tasks = [
@@ -253,7 +280,7 @@ def _reference(
             rtol=REFERENCE_RTOL,
             atol=REFERENCE_RTOL * SHARE,
             at=grid,
-            method=method,
+            options=RunOptions(method=method),
         )
         if not run.status.ok:
             raise DeclarationError(

@@ -13,7 +13,7 @@ from gsp.comparison.peers import Peer
 from gsp.errors import GspError, Status, one_line
 from gsp.integration.methods import SOLVERS, Method
 from gsp.integration.restriction import restrict
-from gsp.integration.trajectory import trajectory_of
+from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import SHARE
@@ -23,8 +23,6 @@ from gsp.systems.flow import Flow
 MAX_STEPS = 200_000
 # One measurement lasts at least so long (seconds); the least of ROUNDS counts. Runs above SLOW are timed once.
 MEASURED, ROUNDS, SLOW = 2e-3, 5, 0.2
-# Characters of a failing peer's message that are kept.
-REASON = 120
 
 
 class WorkKind(StrEnum):
@@ -129,8 +127,7 @@ def full_tasks(
             epsilon=epsilon,
             rtol=rtol,
             atol=SHARE * rtol,
-            method=method,
-            max_steps=MAX_STEPS,
+            options=RunOptions(method=method, max_steps=MAX_STEPS),
         )
         if found.status is Status.SUCCESS:
             return slow_values(found.at(grid), system, study), found.stats.steps, found.stats.field_calls
@@ -184,7 +181,8 @@ def peer_tasks(
 
 def _reason(error: Exception) -> str:
     """What an exception says, in one line."""
-    return one_line(error, None if isinstance(error, GspError) else REASON)
+    # Characters of a failing peer's message that are kept.
+    return one_line(error, None if isinstance(error, GspError) else 120)
 
 
 def reduced_tasks(
@@ -210,7 +208,7 @@ def reduced_tasks(
                 epsilon=epsilon,
                 rtol=rtol,
                 atol=SHARE * rtol,
-                max_steps=MAX_STEPS,
+                options=RunOptions(max_steps=MAX_STEPS),
             )
             if found.status is Status.SUCCESS:
                 sampled = found.sample(grid)

@@ -7,7 +7,7 @@ its equations and its points are found by Newton's method. Every later stage wor
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -32,11 +32,8 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
 from gsp.systems.flow import Point, Portable, as_points
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, check_region, powers_of_two, state_sizes
 from gsp.systems.system import SlowFastSystem
-
-# Imaginary parts of polynomial roots below this, relative to 1 + |y|, count as rounding.
-REAL_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -45,13 +42,15 @@ class Branch(Portable, Card):
 
     `equations` are as many as there are fast variables and vanish on the branch; `graph` maps each fast symbol
     to h_0(x), or is `None` when the branch is implicit; `seed` is a point (x, y) on the branch, or `None`, that
-    singles out one sheet of an implicit branch.
+    singles out one sheet of an implicit branch. `units` are the sizes of the states, powers of two, in which Newton's
+    method works; 1 for each unless `through` was told more.
     """
 
     system: SlowFastSystem
     equations: tuple[sp.Expr, ...]
     graph: Mapping[sp.Symbol, sp.Expr] | None
     seed: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    units: tuple[float, ...] | None = field(default=None, compare=False)
 
     @property
     def is_explicit(self) -> bool:
@@ -121,19 +120,44 @@ class Branch(Portable, Card):
         places about the point and within the bounds. Raises `BranchError` when there is no real point over x.
         """
         x, y = (part[None, :] for part in place(self.system, point))
-        if self.graph is not None:
-            return self
         bounds = fast_bounds(self.system, region)
-        if self._polynomial is not None:
-            candidates, fact = self._polynomial_roots(x[0], bounds), "there is no real point"
+        own = self._in_units_of(dict(zip([s.name for s in self.system.states], [*x[0], *y[0]])), region)
+        if self.graph is not None:
+            return own
+        unit = own.scales[1]
+        if own._polynomial is not None:
+            candidates, fact = own._polynomial_roots(x[0], bounds), "there is no real point"
         else:
-            newton, names = partial(self._newton_over, x[0]), [s.name for s in self.system.y]
-            candidates = roots_about(newton, y[0], names, bounds)
+            newton, names = partial(own._newton_over, x[0]), [s.name for s in self.system.y]
+            candidates = unit * roots_about(newton, y[0] / unit, names, own._bounds(bounds))
             fact = "Newton's method found no point near the given one"
         self._require(np.array([len(candidates) > 0]), x, fact)
         outside = ~within(candidates, self.system.y, bounds)
-        chosen = candidates[np.lexsort((np.linalg.norm(candidates - y, axis=1), outside))[0]]
-        return replace(self, seed=(tuple(x[0]), tuple(chosen)))
+        chosen = candidates[np.lexsort((np.linalg.norm((candidates - y) / unit, axis=1), outside))[0]]
+        return replace(own, seed=(tuple(x[0]), tuple(chosen)))
+
+    def _in_units_of(self, point: Mapping[str, float], region: Mapping[str, object] | None) -> Branch:
+        """The same branch with the sizes of its states in `region` and at the point, unless it has them.
+
+        A point alone does not tell what is small beside it.
+        """
+        if self.units is not None or region is None:
+            return self
+        sizes = state_sizes(check_region(region, [s.name for s in self.system.states]), point)
+        return replace(
+            self, units=tuple(powers_of_two([sizes.get(s.name, 1.0) for s in self.system.states]).tolist())
+        )
+
+    @cached_property
+    def scales(self) -> tuple[np.ndarray, np.ndarray]:
+        """The `units` of x (n_slow,) and of y (n_fast,)."""
+        units = np.array(self.units or [1.0] * len(self.system.states))
+        return units[: len(self.system.x)], units[len(self.system.x) :]
+
+    def _bounds(self, bounds: Mapping[str, Interval]) -> dict[str, Interval]:
+        """Bounds on fast variables in the branch's units."""
+        units = dict(zip([y.name for y in self.system.y], self.scales[1].tolist()))
+        return {name: (low / units[name], high / units[name]) for name, (low, high) in bounds.items()}
 
     def follow(
         self,
@@ -155,7 +179,9 @@ class Branch(Portable, Card):
         assert given is not None
         x0 = np.broadcast_to(np.asarray(given[0], dtype=float), x.shape)
         y0 = np.broadcast_to(np.asarray(given[1], dtype=float), (len(x), n))
-        return self._continuation.follow(x, x0, y0, allowance)
+        ux, uy = self.scales
+        y, good = self._continuation.follow(x / ux, x0 / ux, y0 / uy, allowance)
+        return y * uy, good
 
     def over(self, point: np.ndarray) -> np.ndarray:
         """The sheet of the seed over one slow point (n_slow,): y (n_fast,), as `points` has it."""
@@ -181,21 +207,24 @@ class Branch(Portable, Card):
         """What `reach_sheet` takes of the branch and its seed."""
         assert self.seed is not None
         addresses = self._residual.address, self._jacobian.address, self._slow_jacobian.address
-        numbers = np.array([NEWTON_TOLERANCE, *self.seed[0], *self.seed[1], *self._values])
+        units = np.concatenate(self.scales)
+        seed = np.concatenate(self.seed) / units
+        numbers = np.array([NEWTON_TOLERANCE, *seed, *units, *self._values])
         return np.array([*addresses, NEWTON_STEPS, len(PIECES), *PIECES, *numbers.view(np.int64)])
 
     def _ending(self, target: np.ndarray) -> str:
         """Where the seed's sheet ends on the way to `target`."""
         assert self.seed is not None
-        x0 = np.array(self.seed[0])
-        y, share = self._continuation.walked(x0[None, :], np.array([self.seed[1]]), target[None, :])
-        fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0]))
+        x0, (ux, uy) = np.array(self.seed[0]), self.scales
+        rows = (x0[None, :] / ux, np.array([self.seed[1]]) / uy, target[None, :] / ux)
+        y, share = self._continuation.walked(*rows)
+        fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0] * uy))
         end = self._shown(x0 + share[0] * (target - x0))
         return f"the sheet through {self._shown(x0)} ends at {end}, {fast} (a fold?) and has no point"
 
     @property
     def _continuation(self) -> SheetContinuation:
-        return SheetContinuation(self._newton, self._jacobian, self._slow_jacobian, self._values)
+        return SheetContinuation(self._newton_in_units, self._jacobian, self._slow_jacobian, self._values)
 
     # -- evaluation --------------------------------------------------------------------------------
 
@@ -205,27 +234,32 @@ class Branch(Portable, Card):
 
     def residual(self, z: np.ndarray) -> np.ndarray:
         """The branch's equations at points z = (x, y), (m, n): (m, n_fast)."""
-        return self._residual(z, self._values)
+        return self._residual(z / np.concatenate(self.scales), self._values)
 
     def full_jacobian(self, z: np.ndarray) -> np.ndarray:
         """Derivatives of the branch's equations by (x, y) at points z (m, n): (m, n_fast, n)."""
-        m, n = len(z), len(self.system.y)
-        return np.concatenate(
-            [f(z, self._values).reshape(m, n, -1) for f in (self._slow_jacobian, self._jacobian)], axis=2
-        )
+        m, n, units = len(z), len(self.system.y), np.concatenate(self.scales)
+        parts = [f(z / units, self._values).reshape(m, n, -1) for f in (self._slow_jacobian, self._jacobian)]
+        return np.concatenate(parts, axis=2) / units
+
+    @cached_property
+    def _own_equations(self) -> tuple[sp.Expr, ...]:
+        """The equations with the states in the branch's units."""
+        units = zip(self.system.states, self.units or ())
+        inner = {s: s * sp.Rational(*unit.as_integer_ratio()) for s, unit in units if unit != 1.0}
+        return tuple(e.xreplace(inner) for e in self.equations)
 
     @cached_property
     def _residual(self):
-        arguments = (*self.system.x, *self.system.y)
-        return self._compiled(self.equations, arguments)
+        return self._compiled(self._own_equations, self.system.states)
 
     @cached_property
     def _jacobian(self):
-        return self._compiled(tuple(entries(self.equations, self.system.y)), self.system.states)
+        return self._compiled(tuple(entries(self._own_equations, self.system.y)), self.system.states)
 
     @cached_property
     def _slow_jacobian(self):
-        return self._compiled(tuple(entries(self.equations, self.system.x)), self.system.states)
+        return self._compiled(tuple(entries(self._own_equations, self.system.x)), self.system.states)
 
     @cached_property
     def _graph_function(self):
@@ -237,7 +271,7 @@ class Branch(Portable, Card):
         """Coefficients of the one equation as a polynomial in the one fast variable, compiled; or None."""
         if len(self.system.y) != 1:
             return None
-        row = coefficients(self.equations[0], self.system.y[0])
+        row = coefficients(self._own_equations[0], self.system.y[0])
         return None if row is None else self._compiled(tuple(row), self.system.x)
 
     def _compiled(self, outputs, arguments):
@@ -249,8 +283,16 @@ class Branch(Portable, Card):
             self._require(finite_rows(y), x, "the branch is complex or singular")
         return y
 
-    def _newton(self, x: np.ndarray, y: np.ndarray, *, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    def _newton(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton's method at all points at once; returns y and which points converged."""
+        ux, uy = self.scales
+        found, good = self._newton_in_units(x / ux, y / uy)
+        return found * uy, good
+
+    def _newton_in_units(
+        self, x: np.ndarray, y: np.ndarray, *, size: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The same with x and y in the branch's units."""
         return newton_at_each(
             lambda z: self._residual(z, self._values),
             lambda z: self._jacobian(z, self._values),
@@ -275,16 +317,19 @@ class Branch(Portable, Card):
 
     def _polynomial_roots(self, point: np.ndarray, bounds: Mapping[str, Interval] | None = None) -> np.ndarray:
         assert self._polynomial is not None
-        name = self.system.y[0].name
-        size = size_of(np.array([bounds[name]])) if bounds and name in bounds else 1.0
-        coefficients = self._polynomial(point[None, :], self._values)[0]
+        own, (ux, uy) = self._bounds(bounds or {}), self.scales
+        size = size_of(np.array(list(own.values()))) if own else 1.0
+        coefficients = self._polynomial(point[None, :] / ux, self._values)[0]
         if not np.isfinite(coefficients).all():
             return np.empty((0, 1))
         found = np.roots(np.trim_zeros(coefficients, "f"))
-        real = found.real[np.abs(found.imag) <= REAL_TOLERANCE * (size + np.abs(found))]
+        # Imaginary parts of polynomial roots below this, relative to 1 + |y| in the branch's units, count as
+        # rounding.
+        real = found.real[np.abs(found.imag) <= 1e-7 * (size + np.abs(found))]
         guess = np.sort(real)[:, None]
-        polished, good = self._newton(np.broadcast_to(point, (len(guess), len(point))), guess, size=size)
-        return np.where(good[:, None], polished, guess)
+        places = np.broadcast_to(point / ux, (len(guess), len(point)))
+        polished, good = self._newton_in_units(places, guess, size=size)
+        return np.where(good[:, None], polished, guess) * uy
 
     def _scattered_roots(self, point: np.ndarray, bounds) -> np.ndarray:
         missing = [y.name for y in self.system.y if not bounds or y.name not in bounds]
@@ -297,12 +342,15 @@ class Branch(Portable, Card):
                 f"{', '.join(missing)}.",
                 "Give the region an interval for each, or fix a sheet with through().",
             )
-        box = np.array([bounds[y.name] for y in self.system.y])
-        return scattered_roots(partial(self._newton_over, point), box, size=size_of(box))
+        own = self._bounds(bounds)
+        box = np.array([own[y.name] for y in self.system.y])
+        found = scattered_roots(partial(self._newton_over, point), box, size=size_of(box))
+        return found * self.scales[1]
 
     def _newton_over(self, point: np.ndarray, y: np.ndarray, size: float) -> np.ndarray:
-        """Roots (k, n_fast) over one slow point that Newton's method comes to from y (m, n_fast)."""
-        found, good = self._newton(np.broadcast_to(point, (len(y), len(point))), y, size=size)
+        """Roots (k, n_fast) over one slow point that Newton's method comes to from y (m, n_fast), in units."""
+        places = np.broadcast_to(point / self.scales[0], (len(y), len(point)))
+        found, good = self._newton_in_units(places, y, size=size)
         return found[good]
 
     def _shown(self, point: np.ndarray) -> str:

@@ -29,8 +29,6 @@ from gsp.systems.system import SlowFastSystem, VectorField
 
 # A start counts as on a fold when the equations and their slopes are this small there, relative to their terms.
 ON_FOLD = 1e-6
-# Then its sheets are about a root of that away.
-TOUCHES = 1e-2
 
 
 @dataclass(frozen=True)
@@ -66,14 +64,15 @@ class CriticalManifold(Card):
                 sheet = branch.through(point, region=region)
                 height = sheet.points(x[None, :], near=None if sheet.seed is None else sheet.seed[1])
                 outside = not within(height, self.system.y, bounds)[0]
-                distance = (outside, math.hypot(*(height[0] - y)))
+                distance = (outside, math.hypot(*((height[0] - y) / sheet.scales[1])))
             except BranchError as error:
                 reasons.append(error.reason)
                 continue
             if best is None or distance < best[0]:
                 best = (distance, sheet)
         # On a fold Newton's method comes to no end, where beside it it finds the sheet.
-        lost = best is None or (best[0][1] <= TOUCHES and not best[1].nearest(x[None, :], y[None, :])[1][0])
+        # Then its sheets are about a root of that away.
+        lost = best is None or (best[0][1] <= 1e-2 and not best[1].nearest(x[None, :], y[None, :])[1][0])
         if lost and any(_is_fold(branch, x, y) for branch in self.branches):
             place_of = ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
             raise BranchError(

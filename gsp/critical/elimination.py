@@ -33,8 +33,6 @@ from gsp.algebra.laurent import laurent
 from gsp.algebra.substitution import substituted
 from gsp.systems.system import SlowFastSystem
 
-# Products of factors, one from each equation, that are tried at most.
-COMPONENT_LIMIT = 256
 # A variable is eliminated only while what remains has this degree at most, or about so many operations.
 DEGREE_LIMIT = 9
 OPERATION_LIMIT = 200
@@ -99,7 +97,8 @@ def _components(g0: Sequence[sp.Expr], system: SlowFastSystem, found: Pieces) ->
         others = [g for g, parts in zip(g0, every) if factor not in parts and -factor not in parts]
         _note_no_graph([factor, *others], system, found)
     choices = [[f for f in c if f not in shared and -f not in shared] for c in choices]
-    if prod(map(len, choices)) > COMPONENT_LIMIT:
+    # Products of factors, one from each equation, that are tried at most.
+    if prod(map(len, choices)) > 256:
         yield list(g0)
         return
     yield from (list(choice) for choice in itertools.product(*choices))

@@ -27,8 +27,8 @@ from gsp.systems.system import SlowFastSystem
 
 Bounds = Mapping[str, Interval] | Mapping[sp.Symbol, Interval]
 
-# Newton's method for a start: more steps than a corrector takes, as the guess may be poor.
-START_STEPS = 60
+# What is less than this share of the size that matters is known to no digit.
+NOTHING = np.sqrt(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -201,29 +201,35 @@ def check_bounds(bounds: Bounds | None, problem: LayerProblem) -> dict[str, Inte
 def natural_scales(problem: LayerProblem, u: np.ndarray, bounds: Mapping[str, Interval]) -> np.ndarray:
     """A typical size of each unknown (N,): the width of its bounds, else |u|, else what matters as much in g.
 
-    The last is the size at which a column of g_u, or else of g_uu, weighs as much as the others do, so that scaling
-    a variable scales it.
+    The last is the least size at which a column of g_u or of g_uu weighs as much as the others do, so that scaling
+    a variable scales it. It counts also where |u| is nothing beside it but rounding.
     """
     names = [s.name for s in problem.unknowns]
     scales = np.array([bounds[n][1] - bounds[n][0] if n in bounds else abs(v) for n, v in zip(names, u)])
     weights = np.abs(problem.jacobian(u))
-    known = scales > 0.0
-    if known.any() and np.isfinite(weights).all():
-        total = weights[:, known] @ scales[known]
-        for j in np.flatnonzero(~known):
-            rows = (weights[:, j] > 0.0) & (total > 0.0)
-            scales[j] = (total[rows] / weights[rows, j]).min() if rows.any() else 0.0
-        for j in np.flatnonzero(scales == 0.0):
-            bent = np.abs(problem.second(u)[:, j, j])
-            rows = (bent > 0.0) & (total > 0.0)
-            scales[j] = np.sqrt((2.0 * total[rows] / bent[rows]).min()) if rows.any() else 0.0
+    if scales.any() and np.isfinite(weights).all():
+        given = scales.copy()
+        for j in (j for j, name in enumerate(names) if name not in bounds):
+            total = weights @ np.where(np.arange(len(u)) == j, 0.0, given)
+            matters = _least(total, weights[:, j])
+            if given[j] <= NOTHING * matters:
+                bent = np.sqrt(_least(2.0 * total, np.abs(problem.second(u)[:, j, j])))
+                matters = min(matters, bent)
+                scales[j] = matters if given[j] <= NOTHING * matters else given[j]
     return np.where((scales > 0.0) & np.isfinite(scales), scales, 1.0)
+
+
+def _least(total: np.ndarray, weights: np.ndarray) -> float:
+    """The least share of `total` (n,) in `weights` (n,); infinite where there is none."""
+    rows = (weights > 0.0) & (total > 0.0)
+    return float((total[rows] / weights[rows]).min()) if rows.any() else float("inf")
 
 
 def least_norm_newton(equations, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray | None:
     """The zero of `equations` next to u by damped Newton steps of least norm in u/scales; None when they fail."""
     u = u.copy()
-    for _ in range(START_STEPS):
+    # Newton's method for a start: more steps than a corrector takes, as the guess may be poor.
+    for _ in range(60):
         value, slope = equations.residual(u), equations.jacobian(u) * scales
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None

@@ -27,11 +27,26 @@ class LossKind(StrEnum):
     NON_SMOOTH = "non-smooth right-hand side"
     BRANCH_POLE = "pole of the branch"
     FIELD_POLE = "pole of the field"
+    VISIBLE_FOLD = "visible fold"
+    INVISIBLE_FOLD = "invisible fold"
+    TWO_FOLD = "two-fold"
+    SLIP_ONSET = "onset of slip"
+    CONE_END = "end of the friction cone"
 
     @property
     def is_pole(self) -> bool:
         """Whether the branch or the field goes to infinity."""
         return self in (LossKind.BRANCH_POLE, LossKind.FIELD_POLE)
+
+    @property
+    def is_fold(self) -> bool:
+        """Whether M0 turns back here, as it does at the maximum of a law of friction too."""
+        return self in (LossKind.FOLD, LossKind.SLIP_ONSET)
+
+    @property
+    def of_contact(self) -> LossKind:
+        """What it is called at a contact: a visible fold of the field in which it slips is the end of its cone."""
+        return LossKind.CONE_END if self is LossKind.VISIBLE_FOLD else self
 
     @property
     def is_branch_point(self) -> bool:

@@ -57,19 +57,24 @@ class Null:
 
 @dataclass(frozen=True)
 class Singular:
-    """{g = 0, s = 0}: where `of`(g_y) is singular, with fixed borders."""
+    """{g = 0, s = 0}: where `of`(g_y) is singular, with fixed borders, in `units` of that matrix.
+
+    s does not depend on the units, but in volts and shares of channels the least singular value would.
+    """
 
     problem: LayerProblem
     of: MatrixMap
     b: np.ndarray
     c: np.ndarray
+    units: np.ndarray
 
     def null(self, u: np.ndarray) -> Null:
         """The bordered solves at u; raises `numpy.linalg.LinAlgError` where the borders do not serve."""
         k = len(self.problem.free)
         g_y = self.problem.jacobian(u)[:, k:]
         changes = np.moveaxis(self.problem.second(u)[:, k:, :], 2, 0)
-        M, dM = self.of(g_y), self.of(changes)
+        ratio = self.units / self.units[:, None]
+        M, dM = self.of(g_y) * ratio, self.of(changes) * ratio
         n = len(M)
         bordered = np.block([[M, self.b[:, None]], [self.c[None, :], np.zeros((1, 1))]])
         unit = np.zeros(n + 1)
@@ -77,7 +82,8 @@ class Singular:
         if not (np.isfinite(bordered).all() and np.isfinite(dM).all()):
             raise np.linalg.LinAlgError("not finite")
         v, w = np.linalg.solve(bordered, unit), np.linalg.solve(bordered.T, unit)
-        return Null(float(v[n]), -np.einsum("i,lij,j->l", w[:n], dM, v[:n]), v[:n], w[:n])
+        gradient = -np.einsum("i,lij,j->l", w[:n], dM, v[:n])
+        return Null(float(v[n]), gradient, v[:n] * self.units, w[:n] / self.units)
 
     def residual(self, u: np.ndarray) -> np.ndarray:
         """(g, s) at u: (n + 1,); NaN where there is none."""
@@ -96,11 +102,13 @@ class Singular:
         return np.vstack([self.problem.jacobian(u), gradient])
 
 
-def singular_near(problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> Singular:
-    """`Singular` with the borders that are best at u: the singular vectors of the least singular value."""
+def singular_near(problem: LayerProblem, of: MatrixMap, u: np.ndarray, scales: np.ndarray) -> Singular:
+    """`Singular` with the borders that are best at u: the singular vectors of the least singular value, in `scales`."""
     k = len(problem.free)
+    # Of a product of two states the unit is that of the product.
+    units = np.exp(np.diag(of(np.diag(np.log(scales[k:])))))
     # Scaled to the size of M, so that the bordered matrix is as well conditioned as it can be.
-    M = of(problem.jacobian(u)[:, k:])
+    M = of(problem.jacobian(u)[:, k:]) * units / units[:, None]
     left, sizes, right = np.linalg.svd(M)
     size = sizes[0] or 1.0
-    return Singular(problem, of, size * left[:, -1], right[-1])
+    return Singular(problem, of, size * left[:, -1], right[-1], units)

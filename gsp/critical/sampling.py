@@ -13,7 +13,7 @@ from gsp.algebra.differentiation import entries, slopes, without_overflow
 from gsp.algebra.laurent import laurent
 from gsp.algebra.substitution import substituted
 from gsp.critical.branch import Branch
-from gsp.critical.sheet_points import LARGE, Allowance, solve_each
+from gsp.critical.sheet_points import LARGE, Allowance, fast_lengths, solve_each
 from gsp.critical.slow_metric import ROUNDING, frozen_rates, least_metric
 from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
@@ -31,8 +31,6 @@ FOLLOWED, VECTORS, ACCURACY = 2, 40, 1e-9
 # A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts. Points
 # of a branch are found so well.
 EDGE = 1e-12
-# Least singular value of g_y, relative to the largest, at which Newton's method has lost half of its digits.
-NEARLY_SINGULAR = 1e-4
 
 
 class Sampler:
@@ -282,17 +280,29 @@ class Sampler:
             values[finite] = eigenvalues(matrices[finite])
         return values
 
+    def fast_lengths(self, z: np.ndarray) -> np.ndarray:
+        """How far the branch reaches in each fast variable (n_fast,), by its points `z` (m, n)."""
+        units, nx = self.branch.units, len(self.system.x)
+        return fast_lengths(z[:, nx:], units and units[nx:])
+
     def is_singular(self, z: np.ndarray) -> bool:
         """Whether g_y is nearly singular at most of the points `z` (m, n)."""
         # Singular values of a large matrix take long, and most of the points are told by some.
         matrices = self.fast_jacobian(z[:: SOME if self.is_large else 1])
-        sizes = np.linalg.svd(matrices[np.isfinite(matrices).all(axis=(1, 2))], compute_uv=False)
-        return bool(len(sizes)) and bool(np.mean(sizes[:, -1] <= NEARLY_SINGULAR * sizes.max()) > 0.5)
+        matrices = matrices[np.isfinite(matrices).all(axis=(1, 2))] * self.fast_lengths(z)
+        # Each row by its largest entry anywhere: neither units nor factors of equations make a matrix singular.
+        largest = np.abs(matrices).max(axis=(0, 2), initial=0.0)
+        sizes = np.linalg.svd(matrices / np.where(largest > 0.0, largest, 1.0)[:, None], compute_uv=False)
+        # Least singular value of g_y, relative to the largest, at which Newton's method has lost half of its
+        # digits.
+        return bool(len(sizes)) and bool(np.mean(sizes[:, -1] <= 1e-4 * sizes.max()) > 0.5)
 
     def residual(self, z: np.ndarray) -> float:
-        """Largest |g| at `z`, relative to 1 + |z|."""
-        values = np.abs(self.equilibria(z))
-        return float(np.nanmax(values / (1.0 + np.abs(z).max(axis=1, keepdims=True))))
+        """Largest |g| at `z` by what the branch's own `fast_lengths` make of it: how far `z` is off, in those."""
+        left, lengths = np.abs(self.equilibria(z)), self.fast_lengths(z)
+        # One by one: matrices of all points may not find room.
+        moved = np.array([(np.abs(self.fast_jacobian(point[None]))[0] @ lengths) for point in z])
+        return float(np.nanmax(np.divide(left, moved, out=left, where=left > 0.0)))
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(J, y_x, usable): the whole Jacobian, y_x = g_y^-1 g_x, and the samples where both exist."""

@@ -16,9 +16,28 @@ from gsp.systems.system import SlowFastSystem
 # A root is accepted when the last Newton correction is below this, relative to 1 + |y|, or to a smaller size + |y|.
 NEWTON_TOLERANCE = 1e-12
 NEWTON_STEPS = 40
+# Fast coordinates that differ by less, relative to their size, are equal: points are found to 1e-12 (1 + |y|).
+EQUAL = 1e-10
 # With more fast variables than this matrices are solved as sparse ones. Eigenvalues of one sample take milliseconds:
 # fewer samples are taken, and between them those nearest to the axis are followed by shift and invert.
 LARGE = 32
+
+
+def fast_lengths(y: np.ndarray, units: Sequence[float] | None) -> np.ndarray:
+    """How far a branch reaches in each fast variable (n_fast,), by most of its samples y (m, n_fast).
+
+    The few next to a pole do not say it. A variable that is constant is as long as it is large; one that is 0 as its
+    unit, or as the longest of the others where none is known, or 1.
+    """
+    finite = y[np.isfinite(y).all(axis=1)]
+    if not len(finite):
+        return np.ones(y.shape[1])
+    low, high = np.quantile(finite, (0.1, 0.9), axis=0)
+    lengths = high - low
+    known = float(lengths.max()) or 1.0 if units is None else np.array(units)
+    sizes = np.maximum(np.abs(low), np.abs(high))
+    sizes = np.where(sizes > EQUAL * known, sizes, known)
+    return np.where(lengths > EQUAL * sizes, lengths, sizes)
 
 
 class Allowance:

@@ -17,8 +17,6 @@ SCATTER = 64
 SCATTERED = 5
 # Boxes about a point from which Newton's method comes to nothing, in units of 1 + |y|.
 WIDENED = (1.0, 8.0, 64.0)
-# A search about a point goes on while the nearest root comes nearer by more than this share.
-NEARER = 0.99
 
 Newton = Callable[[np.ndarray, float], np.ndarray]
 """From y (m, n_fast), and what counts as a unit of y, to the roots (k, n_fast) that are come to."""
@@ -60,7 +58,10 @@ def roots_about(
     newton: Newton, y: np.ndarray, names: Sequence[str], bounds: Mapping[str, Interval]
 ) -> np.ndarray:
     """Distinct roots (k, n_fast): the nearest to y (n_fast,) among them, and those in `bounds` on fast variables."""
-    box = np.array([bounds[name] for name in names]) if all(name in bounds for name in names) else None
+    far = 1.0 + float(np.linalg.norm(y))
+    # A variable without bounds is looked for about the point.
+    sides = [bounds.get(name, (value - far, value + far)) for name, value in zip(names, y.tolist())]
+    box = np.array(sides) if bounds else None
     size = 1.0 if box is None else size_of(box)
 
     def within_reach(distance: float) -> np.ndarray:
@@ -72,12 +73,13 @@ def roots_about(
     if box is not None:
         found = np.vstack([found, scattered_roots(newton, box, size=size)])
     for factor in () if len(found) else WIDENED:
-        found = within_reach(factor * (1.0 + float(np.linalg.norm(y))))
+        found = within_reach(factor * far)
         if len(found):
             break
     # A root that is nearer than the nearest known lies in the box which that one spans about the point.
     distance = np.inf
-    while len(found) and (nearest := float(np.linalg.norm(found - y, axis=1).min())) < NEARER * distance:
+    # A search about a point goes on while the nearest root comes nearer by more than this share.
+    while len(found) and (nearest := float(np.linalg.norm(found - y, axis=1).min())) < 0.99 * distance:
         distance = nearest
         found = np.vstack([found, within_reach(distance)])
     return distinct(found, size=size)

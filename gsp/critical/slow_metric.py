@@ -21,9 +21,6 @@ import numpy as np
 # Rates below so many roundings of what they are made of are 0.
 ROUNDING = 64 * float(np.finfo(float).eps)
 
-# In a metric that is written down, parts of the slow variables that are driven by others and do not drive them back are
-# measured in units in which the drive is this share of the rates; the least rate itself has it 0.
-DRIVE = 1e-6
 # Sharpness of the smooth maximum, in steps; a rate this near the least possible is it.
 SHARP = (30.0, 300.0, 3000.0)
 NEAR = 1e-4
@@ -65,7 +62,10 @@ class SlowMetric:
 
     def written(self, A: np.ndarray, *, least: float) -> np.ndarray:
         """T (n, n) with the units of the parts in it, in which no drive matters next to rates of `least`."""
-        aim = DRIVE * max(least, float(self.rates(A).max()))
+        # In a metric that is written down, parts of the slow variables that are driven by others and do not
+        # drive them back are measured in units in which the drive is this share of the rates; the least rate
+        # itself has it 0.
+        aim = 1e-6 * max(least, float(self.rates(A).max()))
         T, scale = self.T, np.ones(len(self.T))
         if not aim > 0.0:
             return T

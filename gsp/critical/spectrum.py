@@ -19,8 +19,6 @@ CERTAIN = 1e-6
 LARGEST = 12
 # Rounding errors of an eigenvalue problem of size n, in units of n times the machine's (LAPACK Users' Guide, 4.8).
 ROUNDING = 4.0
-# How well the logarithms of units agree around a loop.
-SYMMETRIC = 1e-10
 # A change of the entries by this relative amount is rounding that has added up on the way to them.
 ENTRIES = 1e-13
 
@@ -72,7 +70,8 @@ def symmetrised(matrix: np.ndarray) -> np.ndarray | None:
         order, parents = breadth_first_order(pattern, first, directed=False)
         for node in order[1:]:
             units[node] = units[parents[node]] + step[parents[node], node]
-    if not (np.abs(units[j] - units[i] - half) <= SYMMETRIC * (1.0 + np.abs(half))).all():
+    # How well the logarithms of units agree around a loop.
+    if not (np.abs(units[j] - units[i] - half) <= 1e-10 * (1.0 + np.abs(half))).all():
         return None
     found = np.zeros((n, n))
     found[i, j] = np.sign(forth) * np.sqrt(np.abs(forth)) * np.sqrt(np.abs(back))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from gsp.charts.motion import Body, Motion, check_motion_name, write_motion
 from gsp.charts.sampling import critical_lines, widened
 from gsp.charts.style import plain
-from gsp.demos.demo import body_of
+from gsp.demos.demo import body_of, looks_of
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
@@ -19,11 +19,9 @@ from gsp.scenes.tolerances import absolute_tolerance
 from gsp.scenes.view import TIME, View, view_named
 from gsp.systems.arguments import check_number, check_progress
 
-SECONDS = 6.0
+SECONDS = 5.0
 # A longer one has more frames than a file for slides should.
 LONGEST = 120.0
-# The critical manifold is drawn so far beside the run, in terms of its width.
-ROOM = 0.15
 
 
 def animate(
@@ -37,8 +35,9 @@ def animate(
     """Write a moving picture of the scene's full run at its epsilon, beside the limit, to `path` (.gif or .mp4).
 
     It shows the `view` of this name. Without one a scene with a path shows it, with the body if its demo has one; any
-    other the first of its views that is plane, or its first slow and its first fast variable, with the critical
-    manifold where that is a curve. The film lasts `seconds`, and time runs evenly. Raises `UnknownNameError` for a name
+    other the plane with which its demo begins, in the same ranges, with the critical manifold where that is a curve.
+    A run that goes round and round is shown over whole cycles, so that the film begins where it ends. It lasts
+    `seconds`, and time runs evenly. Raises `UnknownNameError` for a name
     that is none of the scene's views, `DeclarationError` for a view in space, `OutputError` for another ending, or when
     the file cannot be written, and what a study raises for a scene that cannot be split.
     """
@@ -84,16 +83,22 @@ def _motion(study: Study, view: View | None = None) -> Motion:
         body = body_of(scene)
         shown = None
         if body is not None:
-            parts = tuple((_outline(part), bool(part["strong"])) for part in body["parts"])
+            # A film shows outlines; what is named at them, and what states deform, is for the page.
+            drawn = [part for part in body["parts"] if part["kind"] == "points" and not part["fixed"]]
+            parts = tuple((_outline(part), part["strong"]) for part in drawn)
             shown = Body(body["angle"], parts)
         against = fast if fast in raw else raw[0]
         full = study.full(scene.epsilon)
         return Motion(
             full, _limit(study), scene.path, against, title, body=shown, is_path=True, units=scene.units
         )
+    looks = looks_of(scene) if view is None else {}
     plane = (study.system.x[0].name, fast) if view is None else (view.x, view.y)
+    plane = tuple(looks.get("axes", plane))
+    against = fast if view is None else next((name for name in plane[::-1] if name != TIME), fast)
+    against = looks.get("trace", against)
     own = {s.name for s in (*study.system.states, *study.system.observables)}
-    if set(plane) <= {TIME, *own}:
+    if {*plane, against} <= {TIME, *own}:
         # In slow and fast variables, so that the critical manifold is a graph.
         atol = absolute_tolerance(RTOL, study.region, study.start)
         full = trajectory_of(
@@ -101,15 +106,18 @@ def _motion(study: Study, view: View | None = None) -> Motion:
         )
     else:
         full = study.full(scene.epsilon)
-    is_graph = len(study.system.states) == 2 and plane == tuple(s.name for s in study.system.states)
+    is_graph = {*plane} == {s.name for s in study.system.states}
+    curve = _critical_curve(study, full, looks.get("ranges", {})) if is_graph else None
+    if curve is not None and plane[0] != study.system.states[0].name:
+        curve = curve[::-1]
     return Motion(
         full,
         _limit(study),
         plane,
-        fast if view is None else next((name for name in plane[::-1] if name != TIME), fast),
+        against,
         title,
-        curve=_critical_curve(study, full) if is_graph else None,
-        ranges={} if view is None else view.ranges,
+        curve=curve,
+        ranges=looks.get("ranges", {}) if view is None else view.ranges,
         units=scene.units,
     )
 
@@ -132,10 +140,13 @@ def _limit(study: Study) -> Trajectory | None:
         return None
 
 
-def _critical_curve(study: Study, full: Trajectory) -> np.ndarray | None:
+def _critical_curve(
+    study: Study, full: Trajectory, ranges: Mapping[str, tuple[float, float]]
+) -> np.ndarray | None:
     """Points (2, k) of the critical manifold around the run, with gaps; None where there is no real one."""
-    run = [full[s.name] for s in study.system.states]
-    low, high = widened(np.min(run, axis=1), np.max(run, axis=1), ROOM)
+    run = [np.append(full[s.name], ranges.get(s.name, ())) for s in study.system.states]
+    # The critical manifold is drawn so far beside the run, in terms of its width.
+    low, high = widened(np.array([min(r) for r in run]), np.array([max(r) for r in run]), 0.15)
     lines = critical_lines(study.system, study.scene.epsilon, low, high)
     return np.concatenate([np.insert(line, 0, np.nan, axis=0) for line in lines]).T if lines else None
 

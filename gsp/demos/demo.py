@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -10,21 +9,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from gsp import models
 from gsp.analysis.fold_surroundings import surroundings
-from gsp.critical.loss_kind import LossKind
 from gsp.demos.page import render
-from gsp.demos.program import program_of
-from gsp.errors import DeclarationError, GspError, printable
+from gsp.demos.program import PageProgram, program_of
+from gsp.demos.story import body_in, quantities_of, read_story, story_of
+from gsp.errors import DeclarationError, GspError, ModelFileError, printable
+from gsp.readers.toml import parsed
 from gsp.results.card import Card
 from gsp.results.files import write_file
+from gsp.results.lettering import in_unicode, letter
+from gsp.results.mathml import Typesetter, math, parts_of_name
 from gsp.scenes.scene import Scene
-from gsp.scenes.study import Study
+from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_noun, shown
-
-# M0 is drawn beyond the region by this share of its widths, so that folds beside it are seen.
-WIDER = 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,23 +50,24 @@ class Demo(Card):
         )
 
 
-def demo(scene: Scene | Study) -> Demo:
+def demo(scene: Scene | Study, *, story: str | Path | None = None) -> Demo:
     """The demo of a scene: a page whose sliders move epsilon, the parameters and the start, with the model inside.
 
-    A built-in scene that has a story is told by it. What of the reduction cannot be had on the page, because the
-    field has no standard form or the series is too long, the page says. Raises `UnsupportedFunctionError` when the
-    field holds a function that JavaScript does not have.
+    It is told by the file `story`; without one a built-in scene that has a story is told by that. Raises
+    `ModelFileError` for a story that names what the page does not have, and `UnsupportedFunctionError` when the field
+    holds a function that JavaScript does not have. What of the reduction cannot be had on the page, because the field
+    has no standard form or the series is too long, the page says.
 
     >>> from gsp import models
     >>> demo(models.load("linear")).html[:15]
     '<!doctype html>'
     """
-    return _demo(scene, verb="demo")
+    return _demo(scene, story, verb="demo")
 
 
-def write_demo(scene: Scene | Study, path: str | Path) -> Path:
+def write_demo(scene: Scene | Study, path: str | Path, *, story: str | Path | None = None) -> Path:
     """Write the demo of a scene to `path`, whole or not at all; returns the path. Raises what `demo` raises."""
-    return _demo(scene, verb="write_demo").save(path)
+    return _demo(scene, story, verb="write_demo").save(path)
 
 
 def stories() -> tuple[str, ...]:
@@ -77,39 +78,64 @@ def stories() -> tuple[str, ...]:
     )
 
 
-def _demo(scene: Scene | Study, *, verb: str) -> Demo:
+def _demo(scene: Scene | Study, story: str | Path | None, *, verb: str) -> Demo:
     check_noun(scene, (Scene, Study), verb=verb)
-    study = scene if isinstance(scene, Study) else Study(scene)
+    if story is not None and not isinstance(story, (str, Path)):
+        raise DeclarationError("story is the name of a file.", got=shown(story), value=story)
+    study = _ready(scene)
     scene = study.scene
-    program = program_of(study)
-    story = _story(scene)
+    document = _told(scene) if story is None else read_story(story)
+    try:
+        program = program_of(study, quantities_of(document, scene))
+        told = story_of(document, scene, program.parts) if document else {}
+    except ModelFileError as error:
+        raise error.under("the story" if story is None else Path(story).name) from None
     quantities = program.parts["quantities"]
-    axes = story.get("axes") or _first_plane(scene, quantities) or _axes(program.parts)
+    axes = told.get("axes") or _first_plane(scene, quantities) or _axes(program.parts)
+    title = told.get("title") or scene.title or scene.name or scene.system.name or "A slow-fast system"
     data = {
-        "title": scene.title,
-        "description": printable(scene.description),
+        "title": in_unicode(printable(title)),
+        "description": in_unicode(printable(scene.description)),
         "source": printable(scene.source),
         "epsilon": scene.epsilon if scene.has_small else 1.0,
         "start": list(scene.full_start.values()),
         "span": list(scene.span),
         "axes": axes,
-        "trace": story.get("trace") or axes[1],
+        "trace": told.get("trace") or axes[1],
         "units": {name: printable(unit) for name, unit in scene.units.items()},
         "path": None if scene.path is None else list(scene.path),
-        "body": story.get("body"),
-        "frame": story.get("frame", {}),
-        "window": story.get("window", {}),
-        "logarithmic": story.get("logarithmic", []),
-        "work": story.get("work", False),
-        "compared": story.get("compared", True),
-        "ranges": story.get("ranges", {}),
-        "story": story.get("steps", []),
+        "body": told.get("body"),
+        "frame": told.get("frame", {}),
+        "window": told.get("window", {}),
+        "logarithmic": told.get("logarithmic", []),
+        "work": told.get("work", False),
+        "compared": told.get("compared", True),
+        "ranges": told.get("ranges", {}),
+        "story": told.get("steps", []),
         "folds": _folds(study, program.parts),
         "views": [{"names": list(view.names), "ranges": dict(view.ranges)} for view in scene.views.values()],
-        **_space(study, program.parts, story.get("space", True)),
+        **_names(program),
+        **_space(study, program.parts, told.get("space", True)),
     }
-    title = scene.title or scene.name or scene.system.name or "A slow-fast system"
-    return Demo(scene, *render(program, data, title=title))
+    return Demo(scene, *render(program, data, title=data["title"]))
+
+
+def _names(program: PageProgram) -> dict[str, Any]:
+    """Every name as MathML, as letters for menus, and in the pieces that stand on a canvas."""
+    parts = program.parts
+    small = [] if parts["epsilon"] is None else [parts["epsilon"]]
+    names = dict.fromkeys(["t", *small, *parts["parameters"], *parts["quantities"]])
+    setter = Typesetter(())
+    return {
+        "typeset": {name: math(setter.row(sp.Symbol(name))) for name in names},
+        "letters": {name: letter(name) for name in names},
+        "lettered": {name: parts_of_name(name) for name in names},
+    }
+
+
+def _ready(scene: Scene | Study) -> Study:
+    """The study in whose variables the page is; a scene without a small parameter has one all the same."""
+    return scene if isinstance(scene, Study) else study_of(scene) if scene.has_small else Study(scene)
 
 
 def _first_plane(scene: Scene, quantities: Collection[str]) -> list[str] | None:
@@ -134,17 +160,26 @@ def _space(study: Study, parts: Mapping[str, Any], in_space: bool) -> dict[str, 
     reduction = parts["reduction"]
     if not in_space or reduction["reason"] or len(reduction["slow"]) != 2:
         return {"space": None, "box": {}}
-    box = {
-        n: (low - WIDER * (high - low), high + WIDER * (high - low)) for n, (low, high) in study.region.items()
-    }
+    # M0 is drawn beyond the region by half of its widths, so that folds beside it are seen.
+    box = {n: (low - 0.5 * (high - low), high + 0.5 * (high - low)) for n, (low, high) in study.region.items()}
     return {"space": [*reduction["slow"], reduction["fast"][0]], "box": box}
 
 
-def _story(scene: Scene) -> dict[str, Any]:
-    """The story of a built-in scene, as data; empty for any other scene, and for one that was changed."""
-    if scene.name not in stories() or scene != models.load(scene.name):
+def _told(scene: Scene) -> dict[str, Any]:
+    """The story of a built-in scene as it is written; empty for any other scene, and for one that was changed."""
+    if scene.name not in stories() or scene != _ready(models.load(scene.name)).scene:
         return {}
-    return _read_story(scene.name)
+    return _document(scene.name)
+
+
+def looks_of(scene: Scene) -> dict[str, Any]:
+    """`axes`, `trace` and the `ranges` with which the demo of a built-in scene begins; empty for any other."""
+    document = _told(scene)
+    if not document:
+        return {}
+    held = {**document.get("frame", {}), **document.get("window", {})}
+    ranges = {name: (float(low), float(high)) for name, (low, high) in held.items()}
+    return {"axes": document["axes"], "trace": document["trace"], "ranges": ranges}
 
 
 def body_of(scene: Scene) -> dict[str, Any] | None:
@@ -154,11 +189,11 @@ def body_of(scene: Scene) -> dict[str, Any] | None:
     known = models.load(scene.name)
     if scene.path != known.path or scene.system.states != known.system.states:
         return None
-    return _read_story(scene.name).get("body")
+    return body_in(_document(scene.name), scene)
 
 
-def _read_story(name: str) -> dict[str, Any]:
-    return tomllib.loads(files("gsp.demos").joinpath("stories", f"{name}.toml").read_text(encoding="utf-8"))
+def _document(name: str) -> dict[str, Any]:
+    return parsed(files("gsp.demos").joinpath("stories", f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def _folds(study: Study, parts: Mapping[str, Any]) -> list[list[float | None]]:
@@ -178,7 +213,7 @@ def _folds(study: Study, parts: Mapping[str, Any]) -> list[list[float | None]]:
     if found is None:
         return []
     points: list[Mapping[str, float]] = [
-        point.point for point in getattr(found, "special", ()) if point.kind is LossKind.FOLD
+        point.point for point in getattr(found, "special", ()) if point.kind.is_fold
     ]
     if study.splitting is not None:
         points = [{**point, **study.splitting.to_raw(point)} for point in points]

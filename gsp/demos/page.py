@@ -24,13 +24,17 @@ from gsp.errors import printable
 SCRIPTS = (
     "functions.js",
     "integrator.js",
+    "eigenvalues.js",
     "reduction.js",
     "state.js",
     "views.js",
     "pictures.js",
+    "body.js",
+    "scales.js",
     "work.js",
     "controls.js",
     "notes.js",
+    "save.js",
     "page.js",
 )
 STYLE = "page.css"

@@ -16,6 +16,7 @@ from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
 from gsp.demos.javascript import function, operations
 from gsp.errors import BudgetError, GspError
+from gsp.results.lettering import in_unicode
 from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
@@ -43,8 +44,8 @@ class PageProgram:
         return "".join(self.functions.values()) + f"const program = {{{', '.join(self.functions)}}};\n"
 
 
-def program_of(study: Study) -> PageProgram:
-    """The program of a scene; what cannot be made for it is told in `parts` instead.
+def program_of(study: Study, more: Mapping[sp.Symbol, sp.Expr] | None = None) -> PageProgram:
+    """The program of a scene, with `more` quantities; what cannot be made for it is told in `parts` instead.
 
     Raises `UnsupportedFunctionError` when the field itself has no counterpart in JavaScript.
     """
@@ -74,14 +75,14 @@ def program_of(study: Study) -> PageProgram:
     try:
         if epsilon is None:
             raise no_small_parameter(scene, "a reduced model needs one")
-        more, parts["reduction"] = _reduction(study, p)
-        functions |= more
+        reducing, parts["reduction"] = _reduction(study, p)
+        functions |= reducing
         splitting = study.splitting
         if splitting is not None:
             shown |= {s: e for s, e in splitting.coordinates.items() if s not in shown}
     except (GspError, NotImplementedError) as error:
-        parts["reduction"] = {"reason": str(error)}
-    shown |= {s: e for s, e in scene.system.observables.items() if s not in shown}
+        parts["reduction"] = {"reason": in_unicode(str(error))}
+    shown |= {s: e for s, e in {**scene.system.observables, **(more or {})}.items() if s not in shown}
     functions["quantities"] = function("quantities", list(shown.values()), full)
     parts["quantities"] = [s.name for s in shown]
     parts["operations"] = {name: operations(code) for name, code in functions.items()}
@@ -119,8 +120,8 @@ def _reduction(study: Study, p: Sequence[sp.Symbol]) -> tuple[dict[str, str], di
         "explicit": branch.is_explicit,
         "anywhere": -1 if anywhere is None else anywhere.order,
         "declared": -1 if declared is None else declared.order,
-        "ended": reason,
-        "endedDeclared": last_reason,
+        "ended": in_unicode(reason),
+        "endedDeclared": in_unicode(last_reason),
     }
     for label, series in (("", anywhere), ("Declared", declared)):
         # Where the parameters may be anything, nothing is gained by their values.

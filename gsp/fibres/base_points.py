@@ -28,9 +28,6 @@ from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Point, check_epsilon, check_order
 
-# Orders tried when none is asked for; the best of them is kept.
-DEFAULT_ORDER = 4
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BasePoint(Mapping[str, float], Card):
@@ -38,8 +35,8 @@ class BasePoint(Mapping[str, float], Card):
 
     It can be passed as the start of a reduced flow. `coefficients[name]` are those of the powers of epsilon through
     `order`, exact where the layer allows; they are empty, and `order` None, from backward shadowing. `error` estimates
-    the largest error: the first two terms left out, or the disagreement of two shadowing times. `route` says how it
-    was found.
+    the largest error: the first two terms left out, or the disagreement of two shadowing times; not a number where
+    the series ends with a term that vanishes. `route` says how it was found.
     """
 
     branch: Branch
@@ -90,7 +87,8 @@ class BasePoint(Mapping[str, float], Card):
             lines.append(
                 f"  {name:>{width}} : " + " + ".join(f"({float(c):.10g}) eps^{k}" for k, c in enumerate(terms))
             )
-        lines.append(f"  {self.route}, estimated error {self.error:.2g}, {self.status.name}")
+        error = "error not told" if np.isnan(self.error) else f"estimated error {self.error:.2g}"
+        lines.append(f"  {self.route}, {error}, {self.status.name}")
         return "\n".join(lines)
 
 
@@ -144,7 +142,8 @@ def project(
             )
         surface = None if isinstance(manifold, (Branch, SeriesManifold)) else manifold
         return _shadowed(branch, start, value, reconstruction, surface)
-    deepest = DEFAULT_ORDER if order is None else check_order(order)
+    # Orders tried when none is asked for; the best of them is kept.
+    deepest = 4 if order is None else check_order(order)
     inner = expand_inner(
         branch, start, order=deepest + 2, fast_order=deepest + 1, reconstruction=reconstruction
     )
@@ -152,17 +151,21 @@ def project(
 
 
 def base_point_of(inner: InnerExpansion, epsilon: float, order: int | None) -> BasePoint:
-    """The base point through epsilon^order, or the best order, from an expansion two orders longer."""
+    """The base point through epsilon^order, or the best order, from a series two orders longer, or one at its end."""
+    if order is not None:
+        inner.require(order + 1)
     base = inner.base
     sizes = [max(abs(float(c[k])) * epsilon**k for c in base.values()) for k in range(inner.order + 1)]
     # The first term left out; one that happens to vanish says nothing, so the pair with its successor counts.
-    left_out = [max(pair) for pair in pairwise(sizes[1:])]
+    left_out = [max(pair) for pair in pairwise(sizes[1:] if not inner.ending else [*sizes[1:], 0.0])]
     if order is None:
         order = min(range(len(left_out)), key=left_out.__getitem__)
     coefficients = {name: c[: order + 1] for name, c in base.items()}
     values = {n: sum(float(c[k]) * epsilon**k for k in range(order + 1)) for n, c in coefficients.items()}
     kind = "exact" if inner.is_exact else "sampled"
     rounding = (4e-16 if inner.is_exact else 1e-14) * max(sizes)
+    # Behind the end of the series nothing but its last term tells the error.
+    error = left_out[order] or (float("nan") if inner.ending else 0.0)
     return BasePoint(
         branch=inner.branch,
         start=inner.start,
@@ -170,7 +173,7 @@ def base_point_of(inner: InnerExpansion, epsilon: float, order: int | None) -> B
         _values=MappingProxyType(values),
         order=order,
         coefficients=MappingProxyType(coefficients),
-        error=max(left_out[order], rounding),
+        error=np.maximum(error, rounding),
         status=Status.SUCCESS if _is_over_sheet(inner.branch, values) else Status.HYPERBOLICITY_LOST,
         route=f"{kind} series through order {order}",
     )

@@ -25,7 +25,9 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
-from gsp.slow.series import SeriesManifold, expand
+from gsp.slow.expansion import Expansion
+from gsp.slow.run_series import run_series
+from gsp.slow.series import SeriesManifold
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Point, check_epsilon, check_order
@@ -167,9 +169,11 @@ def composite(
     grid = None if at is None else check_grid(at, first, last)
     branch = manifold if isinstance(manifold, Branch) else manifold.branch
     reconstruction = reconstruction_of(branch.system, reconstruction)
-    series = manifold if isinstance(manifold, SeriesManifold) else expand(branch, order=order)
+    series = manifold if isinstance(manifold, SeriesManifold) else run_series(Expansion(branch), order)
     flow = restrict(series, order=order, reconstruction=reconstruction)
     inner = expand_inner(branch, start, order=order, reconstruction=reconstruction)
+    # Where it ends early the fast variables are known through one order less than the slow ones.
+    inner.require(order + 1 if inner.ending else order)
     if inner.direction < 0:
         raise HyperbolicityError(
             f"the branch {branch} repels, so a layer grows forward in time from {dict(inner.start)}.",

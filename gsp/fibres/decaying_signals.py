@@ -172,6 +172,8 @@ class Signal(Subtractable):
         value = float(function(a))
         if self.samples is None:
             return self.ring.constant(value)
+        if name == "sign":
+            return Signal(self.ring, np.array([value]), _signs(a + self.samples) - value)
         if name == "exp":
             return Signal(self.ring, np.array([value]), value * np.expm1(self.samples))
         return Signal(self.ring, np.array([value]), function(a + self.samples) - value)
@@ -183,6 +185,15 @@ class Signal(Subtractable):
     def _constant(self) -> float:
         assert len(self.outer) == 1, "functions are applied at order 0 only, where polynomials are constant"
         return float(self.outer[0])
+
+
+def _signs(values: np.ndarray) -> np.ndarray:
+    """Signs of `values` (P, m); at the ends of a panel, which may lie on the zero, those within it where they agree."""
+    signs = np.sign(values)
+    within = signs[:, 1:-1]
+    agree = (within == within[:, :1]).all(axis=1)
+    signs[agree] = signs[agree, 1:2]
+    return signs
 
 
 def _error_function(u):
@@ -203,13 +214,13 @@ class SignalRing:
     """The ring of signals over `panels`, with the solution of the linear problem Y' = A(tau) Y + R.
 
     A tends to `limit` (n, n), all of whose eigenvalues have negative real part; `jacobian` (P, m, n, n) samples
-    A - limit.
+    A - limit. It is solved with Y in `units` (n,), in which the entries of A are of a size.
     """
 
-    def __init__(self, panels: Panels, limit: np.ndarray, jacobian: np.ndarray) -> None:
+    def __init__(self, panels: Panels, limit: np.ndarray, jacobian: np.ndarray, units: np.ndarray) -> None:
         self.panels = panels
-        self.limit = limit
-        self.jacobian = jacobian
+        self.units = units
+        self.limit, self.jacobian = (matrix * (units / units[:, None]) for matrix in (limit, jacobian))
         self.zero = self.constant(0)
         self.one = self.constant(1)
 
@@ -232,19 +243,21 @@ class SignalRing:
         n, depth = len(rest), max(len(r.outer) for r in rest)
         known = np.zeros((depth, n))
         for i, r in enumerate(rest):
-            known[: len(r.outer), i] = r.outer
+            known[: len(r.outer), i] = r.outer / self.units[i]
         # The polynomial solves Q' = limit Q + known, from the highest power down.
         Q = np.zeros((depth + 1, n))
         for power in reversed(range(depth)):
             Q[power] = np.linalg.solve(self.limit, (power + 1) * Q[power + 1] - known[power])
-        outer = [Signal(self, Q[:depth, i].copy()) for i in range(n)]
+        outer = [Signal(self, Q[:depth, i].copy()) for i in range(n)]  # In units, as all that follows.
         values = np.stack([np.broadcast_to(s.values, self.panels.tau.shape) for s in outer], axis=-1)
         source = np.einsum("pmij,pmj->pmi", self.jacobian, values)
         for i, r in enumerate(rest):
             if r.samples is not None:
-                source[:, :, i] += r.samples
-        solution = self._march(source, np.array([float(v) for v in initial]) - Q[0])
-        return [Signal(self, outer[i].outer, solution[:, :, i]) for i in range(n)]
+                source[:, :, i] += r.samples / self.units[i]
+        solution = self._march(source, np.array([float(v) for v in initial]) / self.units - Q[0])
+        return [
+            Signal(self, outer[i].outer * unit, solution[:, :, i] * unit) for i, unit in enumerate(self.units)
+        ]
 
     @cached_property
     def _inverses(self) -> np.ndarray:

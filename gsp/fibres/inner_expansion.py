@@ -24,8 +24,9 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.exponential_polynomials import ExponentialRing, NotClosed
 from gsp.algebra.factorisation import lowest_terms
+from gsp.algebra.functions import JUMPS, NON_SMOOTH
 from gsp.algebra.laurent import laurent
-from gsp.algebra.power_series import SeriesProgram
+from gsp.algebra.power_series import SeriesEnds, SeriesProgram
 from gsp.algebra.ring import read
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, HyperbolicityError
@@ -34,9 +35,8 @@ from gsp.systems.declaration import exact
 from gsp.systems.flow import Point, check_epsilon, check_given, values_by_name
 from gsp.systems.system import SlowFastSystem
 
-# The exact route multiplies exponential polynomials out; beyond this order their number of terms costs more
-# than the sampled route, which has no such growth.
-LARGEST_EXACT = 6
+# The order through which no second derivative of a rate, which a kink makes infinite for an instant, is integrated.
+ACROSS_KINKS = 2
 # Two values of a slope that differ by more, relative to both, are two: they are known to 15 digits.
 CONSTANT = 1e-9
 
@@ -48,7 +48,7 @@ class InnerExpansion:
     `terms[name][k]` is the coefficient of epsilon^k of a state or reconstruction variable, a function of fast time;
     `is_exact` says whether in rational arithmetic. `direction` is 1, or -1 on a repelling branch, where fast time
     runs backward; `gap` is the least |Re lambda| of g_y where the layer ends. `base[name]` are the coefficients of
-    the base point, for slow and reconstruction variables.
+    the base point, for slow and reconstruction variables. `ending` says why `order` is lower than the one asked for.
     """
 
     branch: Branch
@@ -59,6 +59,7 @@ class InnerExpansion:
     is_exact: bool
     direction: int
     gap: float
+    ending: str = ""
 
     @property
     def base(self) -> dict[str, tuple[Fraction | float, ...]]:
@@ -70,6 +71,13 @@ class InnerExpansion:
             )
             for name in self.slow
         }
+
+    def require(self, order: int) -> InnerExpansion:
+        """The expansion itself; raises `DeclarationError` where it ends before `order`."""
+        if order > self.order:
+            remedy = f"Ask for order {self.order} at most, or move the start."
+            raise DeclarationError(f"{self.ending}.", remedy, got=f"order {order}", limit=self.order)
+        return self
 
     def layer(self, tau, epsilon: float, *, order: int) -> dict[str, np.ndarray]:
         """The decaying parts summed through `order`, by name, at fast times `tau` (m,)."""
@@ -120,6 +128,9 @@ def expand_inner(
     Exact where g is linear in y at epsilon = 0 with rational eigenvalues and the other functions of y are polynomials;
     else sampled to about 13 digits. `start` names every state; reconstruction variables start at 0 unless named.
 
+    Through a kink of f or g it goes to order 2, fast variables to order 1: beyond, derivatives that jump act at one
+    instant.
+
     Raises `BranchError` when the layer leads elsewhere than to `branch`, `HyperbolicityError` on a saddle-type branch
     unless the start is on its stable side at every order asked for, `DeclarationError` where the field is not finite.
 
@@ -133,7 +144,9 @@ def expand_inner(
     problem = Problem.declare(branch, start, reconstruction or {})
     deepest = order if fast_order is None else fast_order
     try:
-        if order <= LARGEST_EXACT:
+        # The exact route multiplies exponential polynomials out; beyond this order their number of terms costs
+        # more than the sampled route, which has no such growth.
+        if order <= 6:
             try:
                 return _exact(problem, order, deepest)
             except NotClosed:
@@ -231,14 +244,14 @@ def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:
     point = {s: exact(problem.start[s.name]) for s in problem.slow}
     rates = [rate.xreplace(point) for rate in problem.layer_rates]
     slopes = [derivative(rate, y) for rate in rates for y in system.y]
-    if any(_varies(slope, problem) for slope in slopes):
+    kinks = {kink for rate in rates for kink in rate.atoms(*NON_SMOOTH) if kink.has(*system.y)}
+    # The slope of a sign is 0 on both sides of its jump.
+    if kinks or any(_varies(slope, problem) for slope in slopes):
         raise NotClosed
     entries = [lowest_terms(slope) for slope in slopes]
     if any(not entry.is_Rational for entry in entries):
         raise NotClosed
-    n = len(system.y)
-    A = sp.Matrix(n, n, entries)
-    ring = ExponentialRing(A)
+    ring = ExponentialRing(sp.Matrix(len(system.y), len(system.y), entries))
     if 0 in ring.rates:
         raise HyperbolicityError(
             f"the fast Jacobian is singular over the start {problem.place()}: it has no fibre.",
@@ -252,10 +265,10 @@ def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:
         raise NotClosed
     y0 = ring.fast([ring.constant(value) for value in constant], initial)
     x0 = [ring.constant(point[s]) for s in problem.slow]
-    terms = _hierarchy(problem, ring, x0, y0, order, deepest)
+    terms, ending = _hierarchy(problem, ring, x0, y0, order, deepest)
     if any(rate > 0 for rate in ring.rates):
         _refuse_growth(problem, terms)
-    return _expansion(problem, terms, order, float(min(map(abs, ring.rates))), is_exact=True)
+    return _expansion(problem, terms, ending, float(min(map(abs, ring.rates))), is_exact=True)
 
 
 def _varies(slope: sp.Expr, problem: Problem) -> bool:
@@ -282,18 +295,22 @@ def _refuse_growth(problem: Problem, terms: Mapping[str, list]) -> None:
 
 
 def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
-    system = problem.system
-    x = np.array([problem.start[s.name] for s in system.x])
-    y = np.array([problem.start[s.name] for s in system.y])
+    x, y = (np.array([problem.start[s.name] for s in part]) for part in (problem.system.x, problem.system.y))
     landing = land(problem.branch, x, y)
     if landing.direction < 0:
         problem = problem.reversed()
-    when = 0.0
+    when, ending = 0.0, ""
+    if landing.kinks and order > ACROSS_KINKS:
+        order, deepest = ACROSS_KINKS, min(deepest, ACROSS_KINKS - 1)
+        ending = (
+            f"the layer from {problem.place()} crosses a kink of the field at fast time {landing.kinks[0]:.4g}, past "
+            f"which its series is known through order {ACROSS_KINKS}"
+        )
     for _ in range(REFINEMENTS):
-        terms = _along(problem, landing, order, deepest)
+        terms, reached = _along(problem, landing, order, deepest)
         rough = landing.rough(term for series in terms.values() for term in series)
         if not rough.any():
-            return _expansion(problem, terms, order, landing.gap, is_exact=False)
+            return _expansion(problem, terms, reached or ending, landing.gap, is_exact=False)
         when = landing.panels.ends[:-1][rough].min()
         if not all(
             np.isfinite(term.samples).all() for s in terms.values() for term in s if term.samples is not None
@@ -307,8 +324,8 @@ def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
     )
 
 
-def _along(problem: Problem, landing: Landing, order: int, deepest: int) -> dict[str, list]:
-    """The coefficients over the panels of `landing`."""
+def _along(problem: Problem, landing: Landing, order: int, deepest: int) -> tuple[dict[str, list], str]:
+    """As `_hierarchy`, over the panels of `landing`."""
     system = problem.system
     # g_y along the layer in the arithmetic that keeps small differences small.
     ring = landing.ring()
@@ -323,8 +340,13 @@ def _along(problem: Problem, landing: Landing, order: int, deepest: int) -> dict
     return _hierarchy(problem, ring, x0, landing.signals(ring), order, deepest)
 
 
-def _hierarchy(problem: Problem, ring: Any, x0: list, y0: list, order: int, deepest: int) -> dict[str, list]:
-    """The coefficients X_0..X_order and Y_0..Y_deepest over `ring`, by name."""
+def _hierarchy(
+    problem: Problem, ring: Any, x0: list, y0: list, order: int, deepest: int
+) -> tuple[dict[str, list], str]:
+    """The coefficients X_0..X_order and Y_0..Y_deepest over `ring`, by name, and why they end before, if they do.
+
+    Where a rate has no power series from epsilon^k on, they are X_0..X_k and Y_0..Y_(k-1).
+    """
     system = problem.system
     X: list[list[Any]] = [[value] for value in x0]
     Y: list[list[Any]] = [[value] for value in y0]
@@ -333,6 +355,7 @@ def _hierarchy(problem: Problem, ring: Any, x0: list, y0: list, order: int, deep
     )
     f = [program.compile(rate) for rate in problem.slow_rates]
     g = [program.compile(problem.put(rate)) for rate in system.g]
+    ending = ""
     program.extend(0)
     for k in range(1, order + 1):
         for series, rate in zip(X, f):
@@ -341,24 +364,35 @@ def _hierarchy(problem: Problem, ring: Any, x0: list, y0: list, order: int, deep
             break
         for series in Y:
             series.append(ring.zero)
-        # With Y_k = 0 the program gives what the other terms contribute to [g]_k.
-        program.extend(k)
-        for series, value in zip(Y, ring.fast([rate.coefficients[k] for rate in g], [0] * len(Y))):
-            series[k] = value
-        program.extend(k)
-    return {s.name: series for s, series in zip((*problem.slow, *system.y), [*X, *Y])}
+        try:
+            # With Y_k = 0 the program gives what the other terms contribute to [g]_k.
+            program.extend(k)
+            for series, value in zip(Y, ring.fast([rate.coefficients[k] for rate in g], [0] * len(Y))):
+                series[k] = value
+            program.extend(k)
+        except SeriesEnds as error:
+            # On a jump not even order 0 is known, for what is taken there is neither side's.
+            if any(rate.atoms(*JUMPS) for rate in (*problem.slow_rates, *system.g)):
+                raise
+            ending = f"the series of the layer from {problem.place()} is known through order {k}: {error.fact}"
+            for series in Y:
+                del series[k:]
+            break
+    return {s.name: series for s, series in zip((*problem.slow, *system.y), [*X, *Y])}, ending
 
 
 def _expansion(
-    problem: Problem, terms: Mapping[str, list], order: int, gap: float, *, is_exact: bool
+    problem: Problem, terms: Mapping[str, list], ending: str, gap: float, *, is_exact: bool
 ) -> InnerExpansion:
+    slow = tuple(s.name for s in problem.slow)
     return InnerExpansion(
         branch=problem.branch,
         start=MappingProxyType(problem.start),
-        order=order,
-        slow=tuple(s.name for s in problem.slow),
+        order=len(terms[slow[0]]) - 1,
+        slow=slow,
         terms=MappingProxyType({name: tuple(series) for name, series in terms.items()}),
         is_exact=is_exact,
         direction=problem.direction,
         gap=gap,
+        ending=ending,
     )

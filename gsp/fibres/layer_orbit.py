@@ -7,24 +7,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
-from gsp.algebra.differentiation import derivative
-from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.errors import BranchError, HyperbolicityError
 from gsp.fibres.decaying_signals import Panels, Signal, SignalRing, chebyshev, tail
-from gsp.integration.trajectory import Method, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_over
-from gsp.systems.declaration import exact
-from gsp.systems.system import SlowFastSystem, VectorField
+from gsp.fibres.layer_flow import LayerFlow
+from gsp.integration.trajectory import Method, RunOptions, trajectory_of
+from gsp.roots import root
 
 # Fast times 1/gap after which a start is expected near the branch, and how often that is doubled.
 PATIENCE, DOUBLINGS = 40.0, 7
-# The same when the sheet, and with it the gap, is not known yet: from the fastest time on.
-SEARCH_DOUBLINGS = 24
-# Distance, relative to 1 + |y|, at which the layer is continued by its linearisation: the square is rounding.
+# Distance, in the layer's units, at which the layer is continued by its linearisation: the square is rounding.
 LINEAR = 1e-9
 # The layer is followed until it is this small, so that powers of tau times it are below rounding too.
 GONE = 1e-24
@@ -46,7 +39,8 @@ class Landing:
     """A layer that ends on the branch: `point` y on M0, `panels`, and samples (P, m, n) of Y_0 - y.
 
     `limit` is g_y at the point and `eigenvalues` its eigenvalues, both after reversal of time when `direction` is
-    -1 (a repelling branch).
+    -1 (a repelling branch). `units` (n,) are the sizes of the fast variables along the layer. `kinks` are the
+    fast times at which it crosses a kink of f or g; panels end there.
     """
 
     point: np.ndarray
@@ -55,6 +49,8 @@ class Landing:
     limit: np.ndarray
     eigenvalues: np.ndarray
     direction: int
+    units: np.ndarray
+    kinks: tuple[float, ...] = ()
 
     @property
     def gap(self) -> float:
@@ -69,7 +65,7 @@ class Landing:
             for j, entry in enumerate(row):
                 if entry.samples is not None:
                     jacobian[:, :, i, j] = entry.samples
-        return SignalRing(self.panels, self.limit, jacobian)
+        return SignalRing(self.panels, self.limit, jacobian, self.units)
 
     def rough(self, terms: Iterable[Signal]) -> np.ndarray:
         """Panels (P,) on which some of `terms` is not resolved."""
@@ -105,49 +101,15 @@ class Landing:
         ]
 
 
-@dataclass(frozen=True, eq=False)
-class _Layer:
-    """g(x0, y, 0) and g_y of `system`, both times `direction`."""
-
-    system: SlowFastSystem
-    x: np.ndarray
-    direction: int = 1
-
-    def rates(self, y: np.ndarray) -> np.ndarray:
-        return self.direction * self._function(self._rates, y)
-
-    def jacobian(self, y: np.ndarray) -> np.ndarray:
-        n = len(self.system.y)
-        entries = [derivative(rate, s) for rate in self._rates for s in self.system.y]
-        return self.direction * self._function(entries, y).reshape(-1, n, n)
-
-    @property
-    def _rates(self) -> list[sp.Expr]:
-        return [laurent(g, self.system.epsilon, order=0).get(0, sp.Integer(0)) for g in self.system.g]
-
-    def _function(self, outputs: list[sp.Expr], y: np.ndarray) -> np.ndarray:
-        function = compile_over(self.system, outputs)
-        z = np.hstack([np.broadcast_to(self.x, (len(y), len(self.x))), y])
-        return function(z, compile_flow(self.system).constants)
-
-    def flow(self) -> VectorField:
-        values = {s: exact(float(value)) for s, value in zip(self.system.x, self.x)}
-        return VectorField(
-            {s: self.direction * rate for s, rate in zip(self.system.y, self._rates)},
-            epsilon=None,
-            parameters={**self.system.parameters, **values},
-        )
-
-
 def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
     """The layer from (x, y) to `branch`, forward in time on an attracting branch, backward on a repelling one.
 
     Raises `BranchError` when it leads elsewhere, `HyperbolicityError` on a saddle-type branch, at a singular point, and
     when the fast rates span more than four decades.
     """
-    layer = _Layer(branch.system, x)
-    point = _point(branch, layer, y)
-    limit = layer.jacobian(point[None, :])[0]
+    point = _point(branch, LayerFlow.within(branch.system, x, y), y)
+    layer = LayerFlow.within(branch.system, x, point, y - point)
+    limit = layer.jacobian(point[None, :] / layer.units)[0]
     eigenvalues = np.linalg.eigvals(limit)
     real, scale = eigenvalues.real, np.abs(eigenvalues).max()
     where = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.x, x))
@@ -173,27 +135,32 @@ def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
         )
     if (real > 0).all():
         layer, limit, eigenvalues = replace(layer, direction=-1), -limit, -eigenvalues
-    panels, samples = _followed(branch, layer, y, point, limit, eigenvalues)
-    return Landing(point, panels, samples, limit, eigenvalues, layer.direction)
+    panels, samples, kinks = _followed(branch, layer, y / layer.units, point / layer.units, limit, eigenvalues)
+    own = limit / (layer.units / layer.units[:, None])
+    return Landing(point, panels, samples * layer.units, own, eigenvalues, layer.direction, layer.units, kinks)
 
 
-def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
+def _point(branch: Branch, layer: LayerFlow, y: np.ndarray) -> np.ndarray:
     """The branch's point over x; where an implicit branch has several and no seed, the one the layer leads to."""
     try:
         return branch.points(layer.x[None, :])[0]
     except BranchError:
         if branch.is_explicit or branch.seed is not None:
             raise
-    scale = np.abs(np.linalg.eigvals(layer.jacobian(y[None, :])[0])).max() or 1.0
+    units = layer.units
+    scale = np.abs(np.linalg.eigvals(layer.jacobian(y[None, :] / units)[0])).max() or 1.0
     span = PATIENCE / scale
-    for _ in range(SEARCH_DOUBLINGS):
-        atol = 1e-10 * min(1.0, float(np.abs(y).max()) or 1.0)
-        run = trajectory_of(layer.flow(), start=_fast_values(branch, y), span=(0.0, span), rtol=1e-8, atol=atol)
+    # The same when the sheet, and with it the gap, is not known yet: from the fastest time on.
+    for _ in range(24):
+        run = trajectory_of(
+            layer.flow(), start=_fast_values(branch, y / units), span=(0.0, span), rtol=1e-8, atol=1e-10
+        )
         if not run.status.ok:
             break
-        found, good = branch.follow(layer.x[None, :], start=(layer.x, run.y[:, -1]))
-        if good[0] and np.linalg.norm(found[0] - run.y[:, -1]) < 1e-6 * _size(found[0], y):
-            return branch.points(layer.x[None, :], near=run.y[:, -1])[0]
+        end = run.y[:, -1] * units
+        found, good = branch.follow(layer.x[None, :], start=(layer.x, end))
+        if good[0] and np.linalg.norm((found[0] - end) / units) < 1e-6:
+            return branch.points(layer.x[None, :], near=end)[0]
         span *= 2.0
     raise BranchError(
         f"the branch {branch} has several sheets and the layer from {_fast_values(branch, y)} settles on none of "
@@ -202,25 +169,19 @@ def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
     )
 
 
-def _size(point: np.ndarray, y: np.ndarray) -> float:
-    """What is small beside it is small on the layer from y to `point`: 1 and the point's size, less in tiny units."""
-    far = float(np.linalg.norm(point))
-    return min(1.0 + far, far + float(np.linalg.norm(y - point)))
-
-
-def _followed(branch, layer: _Layer, y, point, limit, eigenvalues) -> tuple[Panels, np.ndarray]:
+def _followed(branch, layer: LayerFlow, y, point, limit, eigenvalues):
+    """Panels, samples (P, m, n) of Y_0 - point, all in the layer's units, and the times of kinks."""
     gap, fastest = np.abs(eigenvalues.real).min(), np.abs(eigenvalues).max()
-    scale = _size(point, y)
     longest = PANEL_TIMES / fastest
-    ends, samples = [0.0], []
+    ends, samples, kinks = [0.0], [], []
     eta = y - point
-    if np.linalg.norm(eta) > LINEAR * scale:
-        ends, samples = _nonlinear(branch, layer, y, point, gap, scale, longest)
+    if np.linalg.norm(eta) > LINEAR and not layer.is_affine:
+        ends, samples, kinks = _nonlinear(branch, layer, y, point, gap, longest)
         eta = samples[-1][-1]
     # The rest by the linearisation.
     S = chebyshev()[2]
     m, n = len(S), len(point)
-    end, length = ends[-1] + np.log(LINEAR / GONE) / gap, longest
+    end, length = ends[-1] + np.log(max(LINEAR, np.linalg.norm(eta)) / GONE) / gap, longest
     while ends[-1] < end:
         matrix = np.eye(m * n) - 0.5 * length * np.kron(S, limit)
         piece = np.linalg.solve(matrix, np.tile(eta, m)).reshape(m, n)
@@ -228,34 +189,40 @@ def _followed(branch, layer: _Layer, y, point, limit, eigenvalues) -> tuple[Pane
         ends.append(ends[-1] + length)
         eta = piece[-1]
         length = min(GROWTH * length, PANEL_TIMES / gap)
-    return Panels(np.array(ends)), np.array(samples)
+    return Panels(np.array(ends)), np.array(samples), tuple(kinks)
 
 
-def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[list[float], list[np.ndarray]]:
-    """Panels and samples of Y_0 - point down to where the layer is linear."""
+def _nonlinear(branch, layer: LayerFlow, y, point, gap, longest):
+    """Panels and samples of Y_0 - point down to where the layer is linear, and the times of kinks."""
     span = PATIENCE / gap
     names = _fast_values(branch, y)
     run = None
+    options = RunOptions(Method.DOP853)
     for _ in range(DOUBLINGS):
-        run = trajectory_of(
-            layer.flow(), start=names, span=(0.0, span), rtol=1e-13, atol=1e-15 * scale, method=Method.DOP853
-        )
+        run = trajectory_of(layer.flow(), names, (0.0, span), rtol=1e-13, atol=1e-15, options=options)
         distance = np.linalg.norm(run.y - point[:, None], axis=0)
-        if not run.status.ok or distance[-1] <= LINEAR * scale:
+        if not run.status.ok or distance[-1] <= LINEAR:
             break
         span *= 2.0
     assert run is not None
-    if not run.status.ok or distance[-1] > LINEAR * scale:
-        raise BranchError(_elsewhere(branch, layer, names, point, run))
+    if not run.status.ok or distance[-1] > LINEAR:
+        raise BranchError(_elsewhere(branch, layer, y, point, run))
     # From here to the end it stays near.
-    last = len(distance) - int(np.argmax(distance[::-1] > LINEAR * scale))
+    last = len(distance) - int(np.argmax(distance[::-1] > LINEAR))
     end, length = float(run.t[min(last, len(run.t) - 1)]), longest
     ends, samples, eta = [0.0], [], y - point
+    kinks, found = [], _crossings(layer, run, end)
     while ends[-1] < end:
         right = min(ends[-1] + length, end)
-        pieces = _resolved(layer, point, scale, eta, run, ends[-1], right, 0)
-        if pieces is None:
-            place = ", ".join(f"{name} = {value:g}" for name, value in names.items())
+        switches = bool(found) and found[0][0] <= right
+        if switches:
+            right = _kink(layer, point, eta, run, ends[-1], *found.pop(0))
+            kinks.append(right)
+        pieces = _resolved(layer, point, eta, run, ends[-1], right, 0)
+        if pieces is None or (switches and layer.jumps(point + pieces[-1][1][-1])):
+            place = ", ".join(
+                f"{name} = {value:g}" for name, value in _fast_values(branch, y * layer.units).items()
+            )
             raise BranchError(
                 f"the layer from {place} to the branch {branch} could not be resolved "
                 f"between the fast times {ends[-1]:.4g} and {right:.4g}: the field is not smooth there.",
@@ -266,30 +233,63 @@ def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[li
             samples.append(piece)
         eta = samples[-1][-1]
         length = min(GROWTH * length, PANEL_TIMES / gap)
-    return ends, samples
+    return ends, samples, kinks
+
+
+def _crossings(layer: LayerFlow, run, end: float) -> list[tuple[float, int]]:
+    """When the layer crosses a switching function up to `end`, and which, in order, to the run's accuracy."""
+    steps = run.t[: int(np.searchsorted(run.t, end)) + 1]
+    # Places in a step at which switching functions are looked at.
+    times = np.interp(np.linspace(0, len(steps) - 1, 8 * (len(steps) - 1) + 1), np.arange(len(steps)), steps)
+    values = layer.switching(run.at(times).T)
+    found = []
+    for i, k in np.argwhere(values[:-1] * values[1:] < 0.0):
+        time = root(lambda t, k=k: float(layer.switching(run.at(t)[None, :])[0, k]), times[i], times[i + 1])
+        if time is not None:
+            found.append((time, int(k)))
+    return sorted(found)
+
+
+def _kink(layer: LayerFlow, point, left, run, first: float, time: float, k: int) -> float:
+    """The time at which switching function k vanishes, to rounding: secant steps with the panel that ends there."""
+    nodes = chebyshev()[0]
+    for _ in range(NEWTON_STEPS):
+        half = 0.5 * (time - first)
+        guess = run.at(np.clip(first + half * (nodes + 1.0), first, time)).T - point
+        eta = _collocate(layer, point, left, half, guess)
+        if eta is None:
+            break
+        before, last = layer.switching(point + eta[-2:])[:, k]
+        step = last * half * (nodes[-1] - nodes[-2]) / (last - before)
+        if not abs(step) < half:
+            break
+        time -= step
+        if abs(step) <= ROUNDING * time:
+            break
+    return time
 
 
 def _resolved(
-    layer: _Layer, point, scale: float, left, run, first: float, last: float, depth: int
+    layer: LayerFlow, point, left, run, first: float, last: float, depth: int
 ) -> list[tuple[float, np.ndarray]] | None:
     """Right ends and samples of panels from `first` to `last` on which the layer is a polynomial to rounding."""
     nodes, _, _ = chebyshev()
     half = 0.5 * (last - first)
     guess = run.at(np.clip(first + half * (nodes + 1.0), first, last)).T - point
-    eta = _collocate(layer, point, scale, left, half, guess)
-    if eta is not None and tail(eta.T).max() <= RESOLVED * np.abs(eta).max() + ROUNDING * scale:
+    eta = _collocate(layer, point, left, half, guess)
+    if eta is not None and tail(eta.T).max() <= RESOLVED * np.abs(eta).max() + ROUNDING:
         return [(last, eta)]
     if depth == DEEPEST:
         return None
     middle = first + half
-    before = _resolved(layer, point, scale, left, run, first, middle, depth + 1)
+    before = _resolved(layer, point, left, run, first, middle, depth + 1)
     if before is None:
         return None
-    after = _resolved(layer, point, scale, before[-1][1][-1], run, middle, last, depth + 1)
+    after = _resolved(layer, point, before[-1][1][-1], run, middle, last, depth + 1)
     return None if after is None else before + after
 
 
-def _collocate(layer: _Layer, point, scale: float, left, half: float, eta: np.ndarray) -> np.ndarray | None:
+def _collocate(layer: LayerFlow, point, left, half: float, eta: np.ndarray) -> np.ndarray | None:
     """eta = left + half S g(point + eta) by Newton's method, from the integrator's dense output; None if it fails."""
     S = chebyshev()[2]
     m, n = eta.shape
@@ -305,12 +305,13 @@ def _collocate(layer: _Layer, point, scale: float, left, half: float, eta: np.nd
         size = np.abs(step).max()
         if size <= ROUNDING * (np.abs(eta).max() + np.abs(point).max()):
             return eta
-    return eta if size <= 1e-13 * (scale + np.abs(eta).max()) else None
+    return eta if size <= 1e-13 * (1.0 + np.abs(eta).max()) else None
 
 
-def _elsewhere(branch: Branch, layer: _Layer, start, point, run) -> str:
-    end = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.y, run.y[:, -1]))
-    there = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.y, point))
+def _elsewhere(branch: Branch, layer: LayerFlow, y, point, run) -> str:
+    start = _fast_values(branch, y * layer.units)
+    end = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.y, run.y[:, -1] * layer.units))
+    there = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.y, point * layer.units))
     over = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.x, layer.x))
     backward = "" if layer.direction > 0 else " run backward, as the branch repels,"
     how = "" if run.status.ok else f" ({run.status.name})"

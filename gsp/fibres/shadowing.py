@@ -17,7 +17,7 @@ from gsp.errors import BranchError, HyperbolicityError, Status, UnsupportedFunct
 from gsp.fibres.decaying_signals import chebyshev
 from gsp.fibres.inner_expansion import Problem
 from gsp.fibres.layer_orbit import land
-from gsp.integration.trajectory import Method, Trajectory, trajectory_of
+from gsp.integration.trajectory import Method, RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.lowering.tape import write_tape
@@ -41,8 +41,6 @@ RTOL, ATOL = 2e-14, 1e-17
 # The slow flow is followed in panels of this length times its Lipschitz constant: Picard's iteration then gains a
 # digit or more each time.
 PANEL, PICARD_STEPS = 0.4, 60
-# Where the zero-derivative principle has no jets for the field, the series is summed through this order.
-SERIES_ORDER = 8
 
 Surface = Callable[[np.ndarray], tuple[np.ndarray, float]]
 
@@ -98,7 +96,7 @@ def shadow(
             rtol=RTOL,
             atol=ATOL,
             at=np.linspace(0.0, time, LOOKS + 1)[1:],
-            method=Method.DOP853,
+            options=RunOptions(method=Method.DOP853),
         )
         pair = _landed(problem, run, height, epsilon, epsilon / landing.gap)
         if pair is not None:
@@ -192,7 +190,9 @@ def _height(branch: Branch, epsilon: float, near: np.ndarray, surface) -> Surfac
     try:
         write_tape(branch.system)
     except UnsupportedFunctionError:
-        series = expand(branch, order=SERIES_ORDER)
+        # Where the zero-derivative principle has no jets for the field, the series is summed through this
+        # order.
+        series = expand(branch, order=8)
         return summed
     return pointwise
 

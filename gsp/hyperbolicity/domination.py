@@ -15,9 +15,6 @@ from gsp.errors import BranchError
 from gsp.hyperbolicity.losses.shrinking import LEAST, TRIED, SubRegion
 from gsp.systems.region import Interval, with_sides
 
-# Components of a direction below this share of the largest, in widths of the region, are left out.
-SHOWN = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
@@ -37,9 +34,8 @@ class Shortfall:
 
     def __str__(self) -> str:
         at = ", ".join(f"{name} = {value:.4g}" for name, value in self.point.items())
-        along = ", ".join(
-            f"{name} {share:.2g}" for name, share in self.direction.items() if abs(share) >= SHOWN
-        )
+        # Components of a direction below this share of the largest, in widths of the region, are left out.
+        along = ", ".join(f"{name} {share:.2g}" for name, share in self.direction.items() if abs(share) >= 0.05)
         what = "part" if self.rate > 0.0 else "approach"
         return (
             f"neighbours on the branch {what} at a rate of up to {abs(self.rate):.4g}, where {self.allowed:.4g} is "

@@ -11,8 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import sympy as sp
 
 from gsp.algebra.precision import precision
+from gsp.algebra.vanishing import has_simple_roots
 from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import LARGE
 from gsp.errors import UnsupportedFunctionError
@@ -26,14 +28,10 @@ from gsp.systems.scattered_points import halton
 # Ball operations of one evaluation, times boxes, that are spent: up to half a second. The number of boxes is held
 # between two, and while each doubling decides much of what is left it grows LONGER times.
 OPERATIONS, FEWEST, MOST, LONGER = 20_000, 16, 512, 8
-# Sheets that are followed when none is singled out.
-SHEETS = 4
 # Points that are sampled in what is left, and in each box of it.
 POINTS, POINTS_PER_BOX = 512, 64
 # A sample belongs to a tube when it misses it by less, relative to 1 + |y|: samples are found to 1e-12.
 BESIDE = 1e-9
-# What rounding does to a Jacobian at a sample, relative to the largest entry; more is cancellation, and no sample.
-ROUNDED = 1e-6
 # A point without a branch counts when the branch is missing this far on both sides too, relative to the region: a
 # removable singularity is no hole.
 ASIDE = 1e-7
@@ -44,7 +42,8 @@ class Exclusion:
     """Where between samples a loss is excluded: over the whole region but the boxes `left`, `share` of its volume.
 
     `tried` boxes were looked at, and |Re lambda| is at least `gap` over those that are not left.
-    `reason` says why nothing could be, when that is so.
+    `reason` says why nothing could be, when that is so. With `by_discriminant` g is a polynomial in one fast variable
+    whose discriminant vanishes nowhere over the region, so that no eigenvalue does; `gap` is 0 where boxes remain.
     """
 
     tried: int
@@ -56,6 +55,7 @@ class Exclusion:
     points: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     origins: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     ends: tuple[tuple[np.ndarray, np.ndarray], ...] = field(default=(), repr=False)
+    by_discriminant: bool = False
 
     @property
     def is_complete(self) -> bool:
@@ -65,6 +65,8 @@ class Exclusion:
     def __str__(self) -> str:
         if self.reason:
             return f"between them nothing is excluded: {self.reason}"
+        if self.is_complete and self.by_discriminant and not self.gap:
+            return "between them the discriminant of g, which vanishes nowhere, leaves no loss"
         if self.is_complete:
             boxes = "1 box" if self.tried == 1 else f"{self.tried} boxes"
             return f"between them enclosures over {boxes} leave no loss"
@@ -87,21 +89,29 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
     if sampler.is_large:
         reason = f"enclosures are sought for {LARGE} fast variables at most, and there are {len(system.y)}"
         return Exclusion(0, (dict(zip(names, whole)),), 1.0, reason)
-    g = [e.xreplace(dict(system.parameters)) for e in sampler.g]
+    # In the branch's units, or the least radius of a tube and the condition of a basis would depend on the states'.
+    units = [sp.Rational(*float(unit).as_integer_ratio()) for unit in sampler.branch.scales[1]]
+    inner = {**system.parameters, **{y: unit * y for y, unit in zip(system.y, units)}}
+    g = [e.xreplace(inner) / unit for e, unit in zip(sampler.g, units)]
     try:
         # Overflow is no bound, and what is no bound excludes nothing.
         with precision(balls.PRECISION), np.errstate(all="ignore"):
             equations = EnclosedEquations(system.x, system.y, g)
             most = min(max(OPERATIONS // equations.operations, FEWEST), MOST)
             search = _ExclusionSearch(sampler, equations, whole, z)
-            search.run(most)
+            never_zero = len(g) == 1 and has_simple_roots(g[0], system.y[0], dict(zip(system.x, whole)))
+            # Then no more is sought than a bound on the gap.
+            search.run(most, 1 if never_zero else LONGER)
             points, origins, ends = search.sampled(box)
     except UnsupportedFunctionError as error:
         everything = (dict(zip(names, whole)),)
         return Exclusion(0, everything, 1.0, error.fact)
     left = tuple(dict(zip(names, part)) for part in search.left)
     share = min(sum(share_of(part, whole) for part in search.left), 1.0)
-    return Exclusion(search.tried, left, share, "", search.gap, points, origins, ends)
+    gap = search.gap
+    if never_zero and left:
+        left, share, gap = (), 0.0, 0.0
+    return Exclusion(search.tried, left, share, "", gap, points, origins, ends, never_zero)
 
 
 class _ExclusionSearch:
@@ -110,8 +120,10 @@ class _ExclusionSearch:
     def __init__(self, sampler: Sampler, equations: EnclosedEquations, whole: Box, z: np.ndarray) -> None:
         self.sampler, self.equations, self.whole, self.z = sampler, equations, whole, z
         self.nx = len(whole)
-        # How large each fast variable is on the branch: what rounding is measured by.
-        self.sizes = np.abs(z[:, self.nx :]).max(axis=0)
+        self.units = sampler.branch.scales[1]
+        # The samples' fast variables in units, and how large each is: what rounding is measured by.
+        self.y = z[:, self.nx :] / self.units
+        self.sizes = np.abs(self.y).max(axis=0)
         self.widths = np.array([high - low for low, high in whole])
         self.left: list[Box] = []
         # Places (k, n_slow) that are worth a sample, each with a sample of its sheet.
@@ -120,11 +132,12 @@ class _ExclusionSearch:
         self.tried = 0
         self.gap = math.inf
 
-    def run(self, most: int) -> None:
-        """Cover sheet after sheet until every sample lies on one, or the budget of `most` boxes ends."""
+    def run(self, most: int, longer: int) -> None:
+        """Cover sheet after sheet until every sample lies on one, or a budget ends: `most` boxes, `longer` times it."""
         middle = middle_of(self.whole)
         pending = np.ones(len(self.z), dtype=bool)
-        for _ in range(SHEETS):
+        # Sheets that are followed when none is singled out.
+        for _ in range(4):
             if not pending.any():
                 return
             if self.tried >= most:
@@ -136,9 +149,9 @@ class _ExclusionSearch:
             covering = cover(
                 self.equations,
                 self.whole,
-                y[0],
+                y[0] / self.units,
                 most_boxes=most - self.tried,
-                at_most=LONGER * most - self.tried,
+                at_most=longer * most - self.tried,
             )
             if covering.interrupted:
                 raise KeyboardInterrupt
@@ -166,7 +179,7 @@ class _ExclusionSearch:
             piece = part.piece
             if piece is not None and found and piece.spectrum is not None and piece.spectrum.counts == usual:
                 margin = piece.tube.radius + BESIDE * self.sizes
-                if (np.abs(here - piece.tube.centre) <= margin).all():
+                if (np.abs(here / self.units - piece.tube.centre) <= margin).all():
                     self._look(x[None, :], start)
                     continue
             self.left.append(part.box)
@@ -182,7 +195,7 @@ class _ExclusionSearch:
 
     def _samples_in(self, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
         """Which samples lie in tubes, and which over boxes without one."""
-        x, y = self.z[:, : self.nx], self.z[:, self.nx :]
+        x, y = self.z[:, : self.nx], self.y
         on, over = np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
         for part in parts:
             low, high = np.array(part.box).T
@@ -231,11 +244,15 @@ class _ExclusionSearch:
 
     def _is_exact(self, points: np.ndarray) -> np.ndarray:
         """At which points the fast Jacobian in doubles is what it is in balls, to rounding."""
-        matrices = self.sampler.fast_jacobian(points).reshape(len(points), -1)
-        margin = ROUNDED * float(np.abs(matrices[np.isfinite(matrices)]).max(initial=0.0))
+        jacobians = self.sampler.fast_jacobian(points) * (self.units / self.units[:, None])
+        matrices = jacobians.reshape(len(points), -1)
+        # What rounding does to a Jacobian at a sample, relative to the largest entry; more is cancellation, and
+        # no sample.
+        margin = 1e-6 * float(np.abs(matrices[np.isfinite(matrices)]).max(initial=0.0))
         exact = np.array(np.isfinite(matrices).all(axis=1))
         for i in np.flatnonzero(exact):
-            place = [balls.exact(float(v)) for v in points[i]]
+            place = [*points[i, : self.nx], *(points[i, self.nx :] / self.units)]
+            place = [balls.exact(float(v)) for v in place]
             entries = self.equations.derivative(place[: self.nx], place[self.nx :])
             exact[i] = all(
                 balls.magnitude(entry - balls.exact(float(v))) <= margin

@@ -56,7 +56,7 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Rates:
+class NormalRates:
     """Normal rate in fast time against the tangential rate in slow time.
 
     `normal` is the least |Re lambda| of g_y; `tangential` bounds the growth and decay of differences along the slow
@@ -91,7 +91,7 @@ class Hyperbolicity(Card):
     region: Mapping[str, Interval]
     kind: Kind
     gap: float
-    rates: Rates
+    rates: NormalRates
     losses: tuple[Loss, ...]
     conditions: tuple[Condition, ...]
     samples: int
@@ -234,9 +234,11 @@ def classify(
     if exclusion is not None and not lost:
         if not exclusion.is_complete:
             evidence += f"; {exclusion}"
+        elif exclusion.by_discriminant and not exclusion.gap:
+            evidence += "; between them no eigenvalue vanishes, and nothing bounds the gap"
         elif exclusion.gap < SHARP * judged.gap:
             evidence += f"; between them enclosures bound the gap by {at_least(exclusion.gap)} only"
-    rates = Rates(judged.gap, sampler.tangential_rate(z))
+    rates = NormalRates(judged.gap, sampler.tangential_rate(z))
     found = judged.found
     verdict = Hyperbolicity(
         branch=branch,
@@ -265,7 +267,7 @@ def _conditions(
     z: np.ndarray,
     missing: int,
     kinds: np.ndarray,
-    rates: Rates,
+    rates: NormalRates,
     zero: float,
     losses: tuple[Loss, ...],
     epsilon: float | None,

@@ -17,14 +17,10 @@ from gsp.hyperbolicity.losses.ends import ends_on_grid, sheet_ends
 from gsp.hyperbolicity.losses.examination import Examination, examine
 from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
+from gsp.hyperbolicity.losses.saturation import named_by_switch
 from gsp.hyperbolicity.losses.whole_branch import singular_points
 from gsp.systems.flow import LARGEST
 from gsp.systems.region import ImageBox, Interval, shown_region
-
-# How far values on both sides of a removable zero may differ, relative to 1 + their size; towards a pole they double.
-SMOOTH = 1e-3
-# The least gap is refined to about this share of it.
-REFINED_TO = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +70,9 @@ def off_removable_zeros(sampler: Sampler, x: np.ndarray, box: Mapping[str, Inter
     inward = np.where(x[lost] < (low + high) / 2, 1.0, -1.0) * ASIDE * (high - low)
     moved, further, across = (x[lost] + k * inward for k in (1, 2, -1))
     here = values(moved)
-    margin = SMOOTH * (1.0 + np.abs(here))
+    # How far values on both sides of a removable zero may differ, relative to 1 + their size; towards a pole
+    # they double.
+    margin = 1e-3 * (1.0 + np.abs(here))
     smooth = (np.abs(values(further) - here) <= margin).all(axis=1)
     outside = ((across < low) | (across > high)).any(axis=1)
     smooth &= outside | (np.abs(values(across) - here) <= margin).all(axis=1)
@@ -186,6 +184,8 @@ def judged_samples(
     losses = found.losses
     if samples.missing and not losses and found.diagnosis is not None:
         losses = tuple(sheet_ends(found.diagnosis, samples.ends))
+    if found.diagnosis is not None and (losses or samples.missing):
+        losses = named_by_switch(found.diagnosis, losses, samples.ends)
     lost = any(not loss.is_hyperbolic for loss in losses) or samples.missing > 0 or found.gap <= found.zero
     if len(kinds) > 1 and not lost and not branch.is_explicit and branch.seed is None:
         raise BranchError(
@@ -202,7 +202,8 @@ def is_worse(sampler: Sampler, exclusion: Exclusion, judged: Judged) -> bool:
         return bool(exclusion.ends)
     values = sampler.eigenvalues(exclusion.points)
     least = signed_gap(values, np.full(len(values), judged.kinds[0]))
-    return bool((~(least >= judged.gap * (1.0 - REFINED_TO))).any())
+    # The least gap is refined to about this share of it.
+    return bool((~(least >= judged.gap * (1.0 - 1e-6))).any())
 
 
 def points_of(sampler: Sampler, x: np.ndarray, box: Mapping[str, Interval]) -> tuple[np.ndarray, np.ndarray]:

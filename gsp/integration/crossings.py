@@ -12,87 +12,21 @@ output, are so in one instant, which is located once for all of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from gsp.errors import Status
-from gsp.integration.loop import Run, run
-from gsp.integration.methods import Method
 from gsp.integration.pieces import RunPiece
-from gsp.integration.run_array import Record
-from gsp.kernels import ledger
+from gsp.integration.run_array import Record, RunRecord
+from gsp.integration.watched import Settled, Stepper, Watched
+from gsp.kernels import integrator
 from gsp.kernels.scan import DIP
-from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.roots import least, root
 
 TINY = 1e-300
-# Secant steps with the method's own result: two or three are taken.
-REFINEMENTS = 8
-# Width of the difference quotient on the dense output that starts them, as a share of the step.
-SLOPE_WIDTH = 1e-3
 # A function is on its zero within so many units of rounding: of its terms, and of the time and the step.
 ROUNDING = 16 * 2.0**-52
-# Steps between two looks when a run may end: what lies beyond its end is wasted.
-LOOK = 64
-
-
-@dataclass(frozen=True)
-class Stepper:
-    """The method of a run, to go again over a part of a step."""
-
-    compiled: CompiledFlow
-    p: np.ndarray
-    method: Method
-    rtol: float
-    atol: float
-
-    def between(self, first: float, y: np.ndarray, last: float) -> Record:
-        """The run from `y` at `first` to `last`, in one step when its error allows."""
-        return run(self.run(y, first, np.array([last]), max_steps=1000, first_step=last - first))
-
-    def run(self, y: np.ndarray, first: float, stops: np.ndarray, *, max_steps: int, **more: Any) -> Run:
-        """What is to be run from `y` at `first`, with short records; `more` is the run's own."""
-        return Run(
-            self.compiled, self.p, y, first, stops, self.method, self.rtol, self.atol, max_steps,
-            rows_kept=LOOK, **more,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Settled:
-    """A crossing as it is reported; `tail` is what replaces the run from `row` on, the start of the crossed step.
-
-    `is_pole` where the function changes its sign through infinity.
-    """
-
-    t: float
-    y: np.ndarray
-    tail: Record | None
-    status: Status = Status.EVENT_REACHED
-    note: str = ""
-    remedy: str = ""
-    row: int | None = None
-    is_pole: bool = False
-
-
-Settle = Callable[["Search", int, float, RunPiece], Settled | None]
-
-
-@dataclass(frozen=True)
-class Watched:
-    """One watched function: which sign changes count, and the crossing of which number ends the run (0: none).
-
-    `settle` makes a crossing of the dense output, given as the search, the column, its time and its piece, into
-    what is reported; None says that it was none. `size(t, y)` is that of the function's terms, where it is known.
-    """
-
-    name: str
-    direction: int
-    limit: int
-    settle: Settle
-    size: Callable[[float, np.ndarray], float] = lambda t, y: 0.0
 
 
 class Instant(NamedTuple):
@@ -144,7 +78,7 @@ class Search:
         self.watched = tuple(watched)
         self.stepper = stepper
         self.found: list[list[Settled]] = [[] for _ in watched]
-        self.spent: list[list[int]] = []
+        self.spent: list[Sequence[int]] = []
         self.can_end = any(one.limit for one in self.watched)
         start = np.array([first]), y[np.newaxis].copy()
         self._pieces = [start]
@@ -267,7 +201,7 @@ class Search:
             np.concatenate([*states, piece.states[1 : k + 1]]),
         )
 
-    def truncated(self, record: Record) -> Record:
+    def truncated(self, record: RunRecord) -> RunRecord:
         """`record` up to the end that was found, with the cost of locating everything added."""
         end = self.end
         if end is None and not self.spent:
@@ -281,7 +215,10 @@ class Search:
                 states = np.concatenate([states, end.tail.states[1:]])
                 dense = np.concatenate([dense, end.tail.dense])
         counters = [sum(column) for column in zip(record.counters, *self.spent)]
-        counters[ledger.STEPS], counters[ledger.STIFF] = len(times) - 1, record.counters[ledger.STIFF]
+        counters[integrator.STEPS], counters[integrator.STIFF] = (
+            len(times) - 1,
+            record.counters[integrator.STIFF],
+        )
         return Record(times, states, dense, status, record.method, counters)
 
     def run(self, first: float, y: np.ndarray, last: float) -> Record:
@@ -302,7 +239,8 @@ class Search:
         slope, _, is_pole = self._slope(column, t, piece)
         best: tuple[float, Settled] | None = None
         last = (0.0, 0.0)
-        for _ in range(REFINEMENTS):
+        # Secant steps with the method's own result: two or three are taken.
+        for _ in range(8):
             settled = Settled(start, y, None, is_pole=is_pole)
             if t != start:
                 record = self.run(start, y, t)
@@ -330,7 +268,8 @@ class Search:
         """On the dense output about `t`: the slope, or that of the reciprocal at a pole, three values, and which."""
         k = piece.step(t)
         low, high = sorted((float(piece.times[k]), float(piece.times[k + 1])))
-        width = SLOPE_WIDTH * (high - low)
+        # Width of the difference quotient on the dense output that starts them, as a share of the step.
+        width = 1e-3 * (high - low)
         a, b = max(low, t - width), min(high, t + width)
         values = left, middle, right = [self._value(column, at, piece) for at in (a, t, b)]
         # Beside an end of the step the other side alone tells.
@@ -348,7 +287,7 @@ class Search:
     def _brackets(self, column: int, t: np.ndarray, g: np.ndarray, piece: RunPiece):
         """Intervals (a, b, sense) over which `g` changes its sign; keeps the sign it ends with."""
         before = self._signs[column]
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             bend = np.abs(g[2:] - 2.0 * g[1:-1] + g[:-2])
         if np.isfinite(g).all():
             low, high = g.min(), g.max()

@@ -14,7 +14,6 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import GspError, Status
-from gsp.integration.crossings import LOOK
 from gsp.integration.explanations import Explanation
 from gsp.integration.loop import (
     STATUS,
@@ -34,8 +33,9 @@ from gsp.integration.methods import (
     choose_method,
 )
 from gsp.integration.parallel import Work, check_threads, share
+from gsp.integration.watched import LOOK
 from gsp.kernels import ensemble as kernels
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
@@ -159,7 +159,7 @@ class Ensemble(Drawn, Tabular):
     @property
     def steps(self) -> np.ndarray:
         """Accepted steps of each member, (m,)."""
-        return self._counters[:, ledger.STEPS]
+        return self._counters[:, integrator.STEPS]
 
     @property
     def message(self) -> str:
@@ -230,9 +230,9 @@ def integrate_many(
 
     Every number is, bit for bit, what `integrate` returns for that member alone, whatever `threads` (by default one for
     each core). A member that stops early, one of a reduced flow also at a fold or another loss of normal hyperbolicity,
-    has its own status and spoils no other. `progress` is called with the fraction of members done; Ctrl-C returns what
-    is done, with the rest INTERRUPTED. Raises `DeclarationError` for
-    arguments that are not well formed and `HyperbolicityError` for a start on a loss, naming the member.
+    has its own status and does not affect the others. `progress` is called with the fraction of members done; Ctrl-C
+    returns what is done, with the rest INTERRUPTED. Raises `DeclarationError` for arguments that are not well formed
+    and `HyperbolicityError` for a start on a loss, naming the member.
 
     >>> from gsp import VectorField
     >>> x, k = sp.symbols("x k")
@@ -275,7 +275,7 @@ def integrate_many(
     kept = np.full((m, t.size, n), np.nan)
     if t[0] == first:
         kept[:, 0] = ends
-    counters = np.zeros((m, ledger.COUNTERS_SIZE), dtype=np.int64)
+    counters = np.zeros((m, integrator.COUNTERS_SIZE), dtype=np.int64)
     codes = np.full(m, kernels.NOT_FINISHED, dtype=np.int64)
     arrays = (ends, reached, kept, counters, codes)
 
@@ -302,7 +302,7 @@ def integrate_many(
     explanations = {}
     for i, trajectory in (watched.alone if watched else {}).items():
         statuses[i] = trajectory.status
-        explanations[i] = Explanation(trajectory._note, trajectory._remedy)
+        explanations[i] = Explanation(trajectory._outcome.note, trajectory._outcome.remedy)
     return Ensemble(
         flow=flow,
         method=chosen,
@@ -312,7 +312,7 @@ def integrate_many(
         statuses=tuple(statuses),
         reached=frozen(reached),
         last=frozen(ends),
-        _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
+        _counters=frozen(counters[:, : integrator.STIFF + 1].copy()),
         _explanations=explanations,
     )
 

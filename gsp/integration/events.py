@@ -13,7 +13,8 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, Named
-from gsp.integration.crossings import ROUNDING, Settled, Watched, settle_event
+from gsp.integration.crossings import ROUNDING, settle_event
+from gsp.integration.watched import Settled, Watched
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.systems.arguments import check_one_of, check_text, check_whole, shown

@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.errors import Status
 from gsp.integration.loop import remedy_of
-from gsp.integration.run_array import Record
+from gsp.integration.run_array import RunRecord
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.flow import Flow
 
@@ -29,7 +29,7 @@ class Explanation(NamedTuple):
     remedy: str
 
 
-def explain(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanation:
+def explain(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Explanation:
     """What the record of a run towards `last` tells about its ending."""
     status, stats = record.status, record.stats
     if status not in _FAILED:
@@ -48,7 +48,7 @@ def explain(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanati
     return Explanation(_pole(flow, p, record), status.remedy)
 
 
-def _backward(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanation | None:
+def _backward(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Explanation | None:
     """Backward in time the fast directions of an attracting stiff field grow."""
     length = float(record.times[0]) - last
     if not (flow.is_stiff and length > 0.0):
@@ -67,7 +67,7 @@ def _backward(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explana
     )
 
 
-def _pole(flow: Flow, p: np.ndarray, record: Record) -> str:
+def _pole(flow: Flow, p: np.ndarray, record: RunRecord) -> str:
     """How the largest state blows up, if it does.
 
     For y ~ C (T - t)^(-k) the quotient y/y' = (T - t)/k falls linearly in t, which gives k and T.

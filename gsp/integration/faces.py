@@ -1,15 +1,19 @@
-"""Charts, tables and equations of the nouns of this package."""
+"""Charts, tables and equations of the nouns of this package, and what a sweep records of its verbs."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from gsp.errors import Status
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.trajectory import Trajectory
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.results.equations import Equation, rates_of
+from gsp.results.point_verbs import Labels, Record, records
 from gsp.results.registry import Makers, charts, equations, tables
 from gsp.results.table import Column, Table, constants_of, names_of, quantities_of, scalars, texts
+from gsp.scenes.study import Study
+from gsp.scenes.tolerances import absolute_tolerance
 
 
 @tables.of(Trajectory)
@@ -65,6 +69,33 @@ def _work(run: Trajectory) -> dict[str, int]:
 @equations.of(ReducedFlow)
 def _equations_of_reduced_flow(value: ReducedFlow) -> list[Equation]:
     return rates_of(zip(value.states, value.rates))
+
+
+def _final_states(study: Study, **_: object) -> Labels:
+    return {"final": {"state": tuple(s.name for s in study.scene.full_flow.states)}}
+
+
+@records("integrate", labels=_final_states, codes={"ending": tuple(status.name for status in Status)})
+def _record_of_integrate(
+    study: Study, epsilon: float, tolerance: float, *, method: str | None = None, max_steps: int = 1_000_000
+) -> Record:
+    scene = study.scene
+    run = trajectory_of(
+        scene.full_flow,
+        start=scene.full_start,
+        span=scene.span,
+        epsilon=epsilon,
+        rtol=tolerance,
+        atol=absolute_tolerance(tolerance, scene.region, scene.full_start),
+        options=RunOptions(method=method, max_steps=max_steps, dense=False),
+    )
+    return {
+        "ending": run.status,
+        "steps": run.stats.steps,
+        "field_calls": run.stats.field_calls,
+        "end": run.t[-1],
+        "final": run.y[:, -1],
+    }
 
 
 @charts.late

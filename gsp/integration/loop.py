@@ -14,6 +14,7 @@ from gsp.integration.methods import Method, choose_method
 from gsp.integration.run_array import (
     Record,
     RecordInArray,
+    RunRecord,
     Stats,
     counters_in,
     layout_of,
@@ -22,7 +23,7 @@ from gsp.integration.run_array import (
     steps_in,
     time_in,
 )
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.grid import runs_along
 from gsp.kernels.launch import NOT_BEGUN, OVER_SLOW, Y, launch, launch_watched
 from gsp.lowering.compiled_flow import CompiledFlow
@@ -35,12 +36,12 @@ _SMALLEST_RTOL = 1e-14
 FIRST_RECORD = 256
 RECORD = 1024
 STATUS = {
-    ledger.FINISHED: Status.SUCCESS,
-    ledger.STEP_TOO_SMALL: Status.STEP_TOO_SMALL,
-    ledger.TOO_MANY_STEPS: Status.TOO_MANY_STEPS,
-    ledger.NON_FINITE: Status.NON_FINITE,
-    ledger.SINGULAR_JACOBIAN: Status.SINGULAR_JACOBIAN,
-    ledger.LOOK_WANTED: Status.EVENT_REACHED,
+    integrator.FINISHED: Status.SUCCESS,
+    integrator.STEP_TOO_SMALL: Status.STEP_TOO_SMALL,
+    integrator.TOO_MANY_STEPS: Status.TOO_MANY_STEPS,
+    integrator.NON_FINITE: Status.NON_FINITE,
+    integrator.SINGULAR_JACOBIAN: Status.SINGULAR_JACOBIAN,
+    integrator.LOOK_WANTED: Status.EVENT_REACHED,
 }
 
 
@@ -64,14 +65,40 @@ class Tests(NamedTuple):
     count: int
 
 
-class Run(NamedTuple):
-    """What is to be run: `compiled` with p = (epsilon, *parameters), from `y` (n,) at `first` to the last of `stops`.
+class Control(NamedTuple):
+    """How a run is made: by which method, or the one that is chosen, how exactly, and in how many attempted steps."""
+
+    method: Method | None
+    rtol: float
+    atol: float
+    max_steps: int
+
+
+class Looks(NamedTuple):
+    """Who looks at a run while it is made, and what Ctrl-C does.
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run by
     returning True. Compiled code looks along the steps, and ends the run so where one of the `tests` may pass through
     zero; `y` may then begin with slow variables alone, `over_slow`.
-    `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's `dense` has no rows.
     Ctrl-C goes on to the caller; where the caller `returns_partial`, it ends the run with the steps made.
+    """
+
+    returns_partial: bool = False
+    progress: Callable[[float], object] | None = None
+    watch: Watch | None = None
+    rows_kept: int = RECORD
+    tests: Tests | None = None
+    over_slow: bool = False
+
+
+# Of a run within another verb, and of one that is asked for alone.
+NOBODY, ALONE = Looks(), Looks(returns_partial=True)
+
+
+class Run(NamedTuple):
+    """What is to be run: `compiled` with p = (epsilon, *parameters), from `y` (n,) at `first` to the last of `stops`.
+
+    `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's `dense` has no rows.
     """
 
     compiled: CompiledFlow
@@ -79,42 +106,17 @@ class Run(NamedTuple):
     y: Numbers
     first: float
     stops: Numbers
-    method: Method | None
-    rtol: float
-    atol: float
-    max_steps: int
+    control: Control
     dense: bool = True
-    progress: Callable[[float], object] | None = None
-    watch: Watch | None = None
-    rows_kept: int = RECORD
     first_step: float = 0.0
-    returns_partial: bool = False
-    tests: Tests | None = None
-    over_slow: bool = False
+    looks: Looks = NOBODY
 
 
-def run(request: Run) -> Record:
+def run(request: Run) -> RunRecord:
     """The run by its method, or the one that `choose_method` names."""
-    method = request.method or choose_method(request.compiled, request.rtol)
-    (
-        compiled,
-        p,
-        y,
-        first,
-        stops,
-        _,
-        rtol,
-        atol,
-        max_steps,
-        dense,
-        progress,
-        watch,
-        rows_kept,
-        first_step,
-        returns_partial,
-        tests,
-        over_slow,
-    ) = request
+    compiled, p, y, first, stops, (method, rtol, atol, max_steps), dense, first_step, looks = request
+    returns_partial, progress, watch, rows_kept, tests, over_slow = looks
+    method = method or choose_method(compiled, rtol)
     n, many = len(y), len(stops)
     watches = 0 if tests is None else tests.count
     length = FIRST_RECORD if rows_kept > FIRST_RECORD else rows_kept
@@ -132,7 +134,7 @@ def run(request: Run) -> Record:
         end = Y + n + constants
         run_array[end : end + many] = stops
     full: list[np.ndarray] = []
-    code = ledger.RECORD_FULL
+    code = integrator.RECORD_FULL
     status = None
     try:
         while True:
@@ -147,9 +149,9 @@ def run(request: Run) -> Record:
                     status = Status.EVENT_REACHED
             if progress is not None:
                 progress((time_in(run_array) - first) / (float(stops[-1]) - first))
-            if status is not None or (code != ledger.RECORD_FULL and code != ledger.LOOPS_WANTED):
+            if status is not None or (code != integrator.RECORD_FULL and code != integrator.LOOPS_WANTED):
                 break
-            if code == ledger.LOOPS_WANTED:
+            if code == integrator.LOOPS_WANTED:
                 solver.give_loops(program)
             full, run_array = [*full, run_array], next_run_array(run_array, rows_kept)
     except KeyboardInterrupt:
@@ -181,7 +183,7 @@ def _gathered(run_arrays: list[np.ndarray], status: Status, method: Method) -> R
 
 def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:
     """The record of a run that does not begin."""
-    counters = [0] * (ledger.STIFF + 1)
+    counters = [0] * (integrator.STIFF + 1)
     return Record(np.array([t]), y[np.newaxis].copy(), np.empty((0, 1, y.size)), status, method, counters)
 
 

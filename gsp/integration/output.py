@@ -4,39 +4,42 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsp.integration.loop import Numbers
+from gsp.integration.loop import Control, Numbers
 from gsp.integration.methods import SOLVERS
-from gsp.integration.run_array import Record, RecordInArray
-from gsp.kernels import ledger
+from gsp.integration.run_array import RecordInArray, RunRecord
+from gsp.kernels import integrator
 from gsp.kernels.grid import read_grid
 from gsp.kernels.landing import correct
-from gsp.kernels.launch import read_explicit_room, read_room
+from gsp.kernels.launch import read_explicit_run, read_run
 from gsp.lowering.compiled_flow import CompiledFlow
 
 
 def read(
-    compiled: CompiledFlow, p: Numbers, record: Record, grid: np.ndarray, *, rtol: float, atol: float
-) -> tuple[np.ndarray, int]:
-    """The states (reached, n) at the times `grid` (m,) that `record` covers, writable, and how many those are.
+    compiled: CompiledFlow, p: Numbers, record: RunRecord, grid: np.ndarray, *, control: Control
+) -> tuple[np.ndarray, RunRecord]:
+    """The states (reached, n) at those of the times `grid` (m,) that `record` covers, writable.
 
-    What that costs is added to the record's counters.
+    And the record, in whose counters is what that costs.
     """
     out, solver = np.empty((len(grid), compiled.size)), SOLVERS[record.method]
     if type(record) is RecordInArray:
-        # In one call, without cutting the record out.
-        if solver.corrects:
-            reached = read_explicit_room(solver.program(compiled), record.run_array, grid, out)
-            # Counted in the run's array.
-            record.forget_counters()
-        else:
-            reached = read_room(record.run_array, grid, out)
-        return (out if reached == len(grid) else out[:reached]), reached
-    part = record.times, record.states, record.dense
-    reached = read_grid(*part, grid, 0, out)
-    if solver.corrects and len(record.dense):
-        counters, memory = np.zeros(ledger.COUNTERS_SIZE, np.int64), np.zeros(solver.memory_size(compiled.size))
-        program = solver.program(compiled)
-        correct(program, np.array(p, float), rtol, atol, *part, grid, 0, reached, out, counters, memory)
-        for i, spent in enumerate(counters[: len(record.counters)].tolist()):
-            record.counters[i] += spent
-    return (out if reached == len(grid) else out[:reached]), reached
+        # In one call, without cutting the record out; counted in the run's array.
+        array = record.run_array
+        reached = (
+            read_explicit_run(solver.program(compiled), array, grid, out)
+            if solver.corrects
+            else read_run(array, grid, out)
+        )
+    else:
+        part = record.steps
+        reached = read_grid(*part, grid, 0, out)
+        if solver.corrects and len(record.dense):
+            counters, memory = (
+                np.zeros(integrator.COUNTERS_SIZE, np.int64),
+                np.zeros(solver.memory_size(compiled.size)),
+            )
+            program, p = solver.program(compiled), np.array(p, float)
+            _, rtol, atol, _ = control
+            correct(program, p, (rtol, atol), tuple(part), grid[:reached], out[:reached], counters, memory)
+            record = record._replace(counters=[a + b for a, b in zip(record.counters, counters.tolist())])
+    return (out if reached == len(grid) else out[:reached]), record

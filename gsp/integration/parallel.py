@@ -16,8 +16,6 @@ from gsp.systems.arguments import check_whole
 # at the end ever fewer, a share of those left, so that the threads finish together.
 LARGEST_CHUNK = 64
 SHARES = 4
-# Seconds between two looks for Ctrl-C, which on some systems does not end the wait for a thread.
-PATIENCE = 0.05
 
 Work = Callable[[int, int, np.ndarray], object]
 """Work on the items low to high - 1 that leaves off once its last argument, `halt` (1,), is not 0."""
@@ -86,7 +84,9 @@ def share(
             done, left = 0, threads
             while left:
                 try:
-                    new = finished.get(timeout=PATIENCE)
+                    # Seconds between two looks for Ctrl-C, which on some systems does not end the wait for a
+                    # thread.
+                    new = finished.get(timeout=0.05)
                 except Empty:
                     continue
                 left -= new == 0

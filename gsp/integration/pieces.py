@@ -10,11 +10,13 @@ import numpy as np
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.scan import SUBDIVISIONS
 
-# A cubic through every second point of a step may miss those between by this share of the largest: through all of them
-# it misses a sixteenth of that, less than what an extreme between two crossings amounts to that are to be told apart.
-RESOLVED = 1e-3
-# Parts of a step beyond which what is not smooth, such as a jump, is not looked at more closely.
+# Parts of a step beyond which what is not smooth, such as a jump, is not looked at more closely: its signs are settled.
 MOST_SUBDIVISIONS = 32 * SUBDIVISIONS
+# Parts beyond which signs that do not settle are taken for rounding about zero.
+MOST_UNSETTLED = 32 * MOST_SUBDIVISIONS
+# The points stand at u + SKEW u (1 - u) of a step, u equally spaced: no oscillation stays in time with them. It is the
+# golden section's smaller part.
+SKEW = 0.382
 
 
 @dataclass(frozen=True)
@@ -41,35 +43,62 @@ class RunPiece:
         """Times (m,) at which the steps are looked at, and the functions (m, w) there.
 
         Those are `values(t, states)` at times (m,) and states (m, n). Every step has `SUBDIVISIONS` parts, or twice as
-        many until the points tell what lies between them. What is not smooth keeps its first points: more of them tell
-        no more of a jump or a kink.
+        many until the points tell what lies between them. What is not smooth keeps its first points where more of them
+        tell no other signs: that of a jump or a kink. Where they do, as an oscillation's, more points are taken.
         """
-        begun, lengths, parts = self.times[:-1, None], np.diff(self.times)[:, None], SUBDIVISIONS
-        t = np.append((begun + np.arange(parts) / parts * lengths).ravel(), self.times[-1])
+        parts = SUBDIVISIONS
+        t = np.append(
+            self._inside(np.arange(len(self.times) - 1), np.arange(parts) / parts).ravel(), self.times[-1]
+        )
         g = values(t, self.at(t))
-        steps = np.arange(len(lengths))
+        steps = np.arange(len(self.times) - 1)
         # Of each step its own points, both ends among them.
         places = parts * steps[:, None] + np.arange(parts + 1)
         times, found = t[places], g[places]
         looked: list[tuple[np.ndarray, np.ndarray]] = []
+
+        def keep(chosen: np.ndarray, of_times: np.ndarray, of_values: np.ndarray) -> None:
+            # The end of a step is the beginning of the next.
+            looked.append((of_times[chosen, :-1].ravel(), of_values[chosen, :-1].reshape(-1, g.shape[1])))
+
         while True:
             left = ~_is_resolved(found)
             if not left.any() and not looked:
                 return t, g
-            # The end of a step is the beginning of the next.
-            looked.append((times[~left, :-1].ravel(), found[~left, :-1].reshape(-1, g.shape[1])))
+            keep(~left, times, found)
+            if parts >= MOST_SUBDIVISIONS:
+                first = places[steps]
+                signs = _changes(found)
+                settled = signs == _changes(found[:, ::2])
+                # Rounding about zero has twice as many signs each time; an oscillation may come into its own at last.
+                if parts < MOST_UNSETTLED:
+                    settled &= signs == _changes(found[:, ::4])
+                finer = left & settled & (signs != _changes(g[first]))
+                coarse = left & ~finer & (settled | (parts == MOST_UNSETTLED))
+                keep(finer, times, found)
+                keep(coarse, t[first], g[first])
+                left &= ~(finer | coarse)
             steps = steps[left]
-            if parts == MOST_SUBDIVISIONS or len(steps) == 0:
-                first = places[steps, :-1].ravel()
-                looked.append((t[first], g[first]))
+            if len(steps) == 0:
                 break
-            between = 0.5 * (times[left, 1:] + times[left, :-1])
-            new = values(between.ravel(), self.at(between.ravel())).reshape(*between.shape, -1)
-            times, found = _interleaved(times[left], between), _interleaved(found[left], new)
+            middles = self._inside(steps, (np.arange(parts) + 0.5) / parts)
+            new = values(middles.ravel(), self.at(middles.ravel())).reshape(*middles.shape, -1)
+            times, found = _interleaved(times[left], middles), _interleaved(found[left], new)
             parts *= 2
         known, of = (np.concatenate(column) for column in zip(*looked))
         order = np.argsort(known if t[-1] >= t[0] else -known)
         return np.append(known[order], t[-1]), np.concatenate([of[order], g[-1:]])
+
+    def _inside(self, steps: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Times (k, m) within steps (k,) at the skewed shares `u` (m,)."""
+        begun = self.times[steps, None]
+        return begun + (u + SKEW * u * (1.0 - u)) * (self.times[steps + 1, None] - begun)
+
+
+def _changes(g: np.ndarray) -> np.ndarray:
+    """How often (k,) the functions change their signs along the points g (k, m, w) of each step, all together."""
+    with np.errstate(invalid="ignore"):
+        return (np.sign(g[:, 1:]) * np.sign(g[:, :-1]) < 0.0).sum(axis=(1, 2))
 
 
 def _interleaved(points: np.ndarray, between: np.ndarray) -> np.ndarray:
@@ -97,8 +126,9 @@ def _is_resolved(g: np.ndarray) -> np.ndarray:
         missed = np.abs(between - guess).max(axis=1)
         size = np.abs(g)
         is_clear = (g > 0.0).all(axis=1) | (g < 0.0).all(axis=1)
-        good = (missed <= RESOLVED * size.max(axis=1)) | (
-            is_clear & (missed <= size.min(axis=1) / SUBDIVISIONS)
-        )
+        # A cubic through every second point of a step may miss those between by this share of the largest:
+        # through all of them it misses a sixteenth of that, less than what an extreme between two crossings
+        # amounts to that are to be told apart.
+        good = (missed <= 1e-3 * size.max(axis=1)) | (is_clear & (missed <= size.min(axis=1) / SUBDIVISIONS))
     # What is not a number is not resolved by more points.
     return (good | ~np.isfinite(g).all(axis=1)).all(axis=1)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.algebra.ring import LocalisedRing
+from gsp.algebra.ring_elements import RingElement
 from gsp.algebra.sharing import holding, plus, replaced, times
+from gsp.errors import BudgetError
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.slow.coordinates import moving, set_apart
-from gsp.slow.series import SeriesManifold
+from gsp.slow.series import LONGEST, SeriesManifold
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import check_order
@@ -39,6 +42,14 @@ def restrict(
         check_order(order)
     rates_driven = reconstruction_of(manifold.branch.system, reconstruction)
     truncated = manifold.at_order(manifold.order if order is None else order).specialised
+    try:
+        moved = moving(truncated.chart, truncated._f)
+    except BudgetError:
+        moved = None
+    if moved is None or (not truncated.is_program and _longest(truncated.chart.ring, moved) > LONGEST):
+        # What fast coordinates do is longer than the series.
+        programs = truncated.as_programs
+        truncated, moved = programs, moving(programs.chart, programs._f)
     system = manifold.branch.system
     ring = truncated.chart.ring
     epsilon = system.epsilon
@@ -59,7 +70,7 @@ def restrict(
             return plus([times(written(e), epsilon**k) for k, e in enumerate(elements)])
         return sp.Add(*[written(e) * epsilon**k for k, e in enumerate(elements)])
 
-    rates = [total(row) for row in moving(truncated.chart, truncated._f)]
+    rates = [total(row) for row in moved]
     observables: dict[sp.Symbol, sp.Expr] = {}
     for x in system.x:
         if x not in truncated.coordinates:
@@ -94,6 +105,15 @@ def real_or_nan(observables: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, sp.
     """Them, with nan where one is infinite or imaginary whatever the variables are, as 1/(y - h(x)) on y = h(x) is."""
     unreal = holding(observables.values(), (sp.zoo, sp.oo, -sp.oo, sp.nan, sp.I))
     return {symbol: sp.nan if bad else value for (symbol, value), bad in zip(observables.items(), unreal)}
+
+
+def _longest(ring: LocalisedRing, rows: Iterable[Iterable[RingElement]]) -> int:
+    """Terms of the longest polynomial in which the elements of `rows` are written."""
+    elements = [element for row in rows for element in row]
+    below = {i for element in elements for i, exponent in enumerate(element.exponents) if exponent}
+    return max(
+        *(len(element.numerator) for element in elements), *(len(ring.denominators[i]) for i in below), 0
+    )
 
 
 def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:

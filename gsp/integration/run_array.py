@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gsp.errors import Status
 from gsp.integration.methods import SOLVERS, Method, Solver
+from gsp.kernels import integrator
 from gsp.kernels import launch as kernels
-from gsp.kernels import ledger
 from gsp.kernels.launch import before_record
 from gsp.lowering.compiled_flow import CompiledFlow
 
@@ -51,7 +50,7 @@ def _laid_out(compiled: CompiledFlow, solver: Solver) -> Layout:
     n, constants = compiled.size, len(compiled.constants)
     memory = solver.memory_size(n)
     # Counters are the bytes that are skipped, which makes them zeros.
-    skipped = 8 * ledger.COUNTERS_SIZE
+    skipped = 8 * integrator.COUNTERS_SIZE
     enter = Struct(f"{kernels.HEAD}q{skipped}x{kernels.Y - kernels.GIVEN + n + constants + 1}d").pack_into
     return Layout(
         solver, solver.program(compiled), enter, constants, memory, before_record(n, constants, 1, memory, 0)
@@ -68,7 +67,7 @@ class RecordedSteps(NamedTuple):
 
 def recorded_steps(run_array: np.ndarray, earlier: int = 0) -> RecordedSteps:
     """The steps in the record of an array, where `earlier` ones were made in other arrays."""
-    numbers = run_array[: kernels.COUNTERS + ledger.STEPS + 1].view(np.int64).tolist()
+    numbers = run_array[: kernels.COUNTERS + integrator.STEPS + 1].view(np.int64).tolist()
     _, _, n, constants, stops, memory, watches, length, dense, rows = numbers[: kernels.HEAD]
     count = numbers[-1] - earlier
     times = before_record(n, constants, stops, memory, watches)
@@ -83,19 +82,19 @@ def recorded_steps(run_array: np.ndarray, earlier: int = 0) -> RecordedSteps:
 
 
 def counters_in(run_array: np.ndarray) -> list[int]:
-    """The ledger's counters up to STIFF."""
-    return run_array[kernels.COUNTERS : kernels.COUNTERS + ledger.STIFF + 1].view(np.int64).tolist()
+    """The integrator's counters up to STIFF."""
+    return run_array[kernels.COUNTERS : kernels.COUNTERS + integrator.STIFF + 1].view(np.int64).tolist()
 
 
 def steps_in(run_array: np.ndarray) -> int:
     """How many steps were made by now, in this array and those before it."""
-    return counters_in(run_array)[ledger.STEPS]
+    return counters_in(run_array)[integrator.STEPS]
 
 
 def time_in(run_array: np.ndarray) -> float:
     """How far the run has come."""
     _, _, n, constants, stops, *_ = run_array[: kernels.HEAD].view(np.int64).tolist()
-    return float(run_array[kernels.Y + n + constants + stops + ledger.TIME])
+    return float(run_array[kernels.Y + n + constants + stops + integrator.TIME])
 
 
 def next_run_array(run_array: np.ndarray, length: int) -> np.ndarray:
@@ -124,102 +123,104 @@ class Stats:
     stiff: bool = False
 
 
-class Record:
+class Record(NamedTuple):
     """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
 
-    `counters` are the ledger's up to STIFF.
+    `counters` are the integrator's up to STIFF.
     """
 
-    def __init__(
-        self,
-        times: np.ndarray,
-        states: np.ndarray,
-        dense: np.ndarray,
-        status: Status,
-        method: Method,
-        counters: list[int],
-    ) -> None:
-        self.times, self.states, self.dense = times, states, dense
-        self.status, self.method, self.counters = status, method, counters
+    times: np.ndarray
+    states: np.ndarray
+    dense: np.ndarray
+    status: Status
+    method: Method
+    counters: Sequence[int]
 
-    def replaced(self, **changes: Any) -> Record:
-        """The same but for some attributes."""
-        names = "times", "states", "dense", "status", "method", "counters"
-        return Record(**{name: changes[name] if name in changes else getattr(self, name) for name in names})
-
-    def copied(self) -> Record:
-        """The same with counters of its own, for a reader whose work the run is not to count."""
-        return self.replaced(counters=list(self.counters))
-
-    def without_dense(self) -> Record:
-        """The same with nothing between the steps."""
-        return self.replaced(times=self.times.copy(), states=self.states.copy(), dense=self.dense[:0].copy())
+    @property
+    def steps(self) -> RecordedSteps:
+        """Times, states and dense output."""
+        return RecordedSteps(self.times, self.states, self.dense)
 
     @property
     def stats(self) -> Stats:
         """Method and counters by name."""
-        *counts, stiff = self.counters
-        return Stats(self.method, *counts, stiff=stiff == 1)
+        return _stats(self)
 
     @property
     def attempts(self) -> int:
         """Steps taken and rejected."""
-        return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
-
-
-class RecordInArray(Record):
-    """A record that lies in the one array of its run, from which it is cut when it is read."""
-
-    _holds_dense = True
-    _made: RecordedSteps | None = None
-
-    def __init__(self, run_array: np.ndarray, status: Status, method: Method) -> None:
-        self.run_array, self.status, self.method = run_array, status, method
-
-    def copied(self) -> Record:
-        """As the base has it; the counters lie in the array."""
-        return RecordInArray(self.run_array.copy(), self.status, self.method)
+        return self.counters[integrator.STEPS] + self.counters[integrator.REJECTED]
 
     def without_dense(self) -> Record:
-        """As the base has it; a small array is kept whole, since to cut it takes half as long as a short run."""
-        if self.run_array.size > MOST_KEPT:
-            return super().without_dense()
-        self._holds_dense, self._made = False, None
+        """The same with nothing between the steps."""
+        return self._replace(times=self.times.copy(), states=self.states.copy(), dense=self.dense[:0].copy())
+
+    def apart(self) -> Record:
+        """The record as a value of its own."""
         return self
 
-    @property
-    def _piece(self) -> RecordedSteps:
-        made = self._made
-        if made is None:
-            made = recorded_steps(self.run_array)
-            # Kept by hand: `cached_property` takes a lock, a sixth of what reading a run's states takes.
-            self._made = made = made if self._holds_dense else made._replace(dense=made.dense[:0])
-        return made
+
+class _InArray(NamedTuple):
+    run_array: np.ndarray
+    status: Status
+    method: Method
+    holds_dense: bool = True
+
+
+class RecordInArray(_InArray):
+    """A record that lies in the one array of its run, from which it is cut when it is read.
+
+    To cut it takes half as long as a short run. What compiled code reads there it counts there.
+    """
 
     @property
-    def times(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def steps(self) -> RecordedSteps:
+        """Times, states and dense output."""
+        steps = recorded_steps(self.run_array)
+        return steps if self.holds_dense else steps._replace(dense=steps.dense[:0])
+
+    @property
+    def times(self) -> np.ndarray:
         """Ends of the steps (k + 1,), with the start."""
-        return self._piece.times
+        return self.steps.times
 
     @property
-    def states(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def states(self) -> np.ndarray:
         """States there (k + 1, n)."""
-        return self._piece.states
+        return self.steps.states
 
     @property
-    def dense(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def dense(self) -> np.ndarray:
         """Dense output (k or 0, rows, n)."""
-        return self._piece.dense
+        return self.steps.dense
 
-    @cached_property
-    def counters(self) -> list[int]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """As the base has them."""
+    @property
+    def counters(self) -> list[int]:
+        """As a record has them."""
         return counters_in(self.run_array)
 
-    def forget_counters(self) -> None:
-        """Have them read anew, since compiled code has counted on."""
-        self.__dict__.pop("counters", None)
+    @property
+    def stats(self) -> Stats:
+        """As a record has them."""
+        return _stats(self)
+
+    def without_dense(self) -> Record | RecordInArray:
+        """As a record has it; a small array is kept whole, since to cut it takes half as long as a short run."""
+        if self.run_array.size > MOST_KEPT:
+            return self.apart().without_dense()
+        return RecordInArray(self.run_array, self.status, self.method, False)
+
+    def apart(self) -> Record:
+        """The record as a value of its own."""
+        return Record(*self.steps, self.status, self.method, self.counters)
 
     def __reduce__(self) -> tuple:
-        parts = self.times, self.states, self.dense, self.status, self.method, self.counters
-        return Record, parts
+        return Record, tuple(self.apart())
+
+
+RunRecord = Record | RecordInArray
+
+
+def _stats(record: RunRecord) -> Stats:
+    *counts, stiff = record.counters
+    return Stats(record.method, *counts, stiff=stiff == 1)

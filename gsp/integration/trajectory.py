@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, GspError, Status
-from gsp.integration.crossings import LOOK, Stepper
-from gsp.integration.events import NOT_MET, CompiledEvents, Crossings, Event, compile_events, met_within
-from gsp.integration.explanations import explain
+from gsp.integration.events import NOT_MET, Crossings, Event, compile_events
 from gsp.integration.loop import (
+    ALONE,
+    NOBODY,
     RECORD,
+    Control,
+    Looks,
     Run,
     Stats,
     check_grid,
@@ -24,19 +26,14 @@ from gsp.integration.loop import (
     check_step_limit,
     check_tolerances,
     run,
-    standing,
     stops_of,
 )
 from gsp.integration.member import SHOWN_STATES
-from gsp.integration.methods import (
-    SOLVERS,
-    Method,
-    check_method,
-    choose_method,
-)
+from gsp.integration.methods import SOLVERS, Method, check_method
 from gsp.integration.output import read
-from gsp.integration.run_array import Record
-from gsp.integration.watching import ending_of, pair_passed, search_of
+from gsp.integration.run_array import RecordedSteps, RunRecord
+from gsp.integration.watched import LOOK
+from gsp.integration.watching import examined
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.evaluate import observe
 from gsp.lowering.compiled_flow import compile_flow
@@ -49,7 +46,26 @@ if TYPE_CHECKING:
     from gsp.integration.reduced_flow import ReducedFlow
 
 
-@dataclass(frozen=True, eq=False, repr=False, init=False)
+class RunOutcome(NamedTuple):
+    """What a run came to: its flow and record, how it was controlled, and what is told of it, as `Findings` has that.
+
+    `times` (m,) and `states` (m, n) are those asked for, None where these are the record's own. Values between steps
+    are corrected where the method's are and `is_corrected`.
+    """
+
+    flow: Flow
+    epsilon: float | None
+    record: RunRecord
+    control: Control
+    is_corrected: bool
+    times: np.ndarray | None
+    states: np.ndarray | None
+    events: Mapping[str, Crossings]
+    note: str
+    remedy: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Drawn, Tabular):
     """A solution z(t) of a flow: `t` (m,) and `y` (n_states, m), read-only, in the order of integration.
 
@@ -58,34 +74,43 @@ class Trajectory(Drawn, Tabular):
     hold what was reached. `.events` maps the name of each event asked for to its `Crossings`, (times, states).
     """
 
-    flow: Flow
-    epsilon: float | None
-    events: Mapping[str, Crossings]
-    _record: Record
-    _note: str = ""
-    _remedy: str = ""
-    _tolerances: tuple[float, float] | None = None
-    """rtol and atol, of what is checked between the steps."""
+    # One field, since a frozen class takes as long for each as a run takes for two steps.
+    _outcome: RunOutcome
 
-    def __init__(
-        self, flow: Flow, epsilon: float | None, record: Record, facts: dict[str, Any] | None = None
-    ) -> None:
-        # Past the frozen class's own way of setting an attribute, which takes twice as long. `facts` is
-        # what there is beside the record: `t` and `y` where they are not its own, and all that has a default.
-        fields = self.__dict__
-        fields["flow"], fields["epsilon"], fields["events"], fields["_record"] = flow, epsilon, NOT_MET, record
-        if facts is not None:
-            fields.update(facts)
+    @property
+    def flow(self) -> Flow:
+        """What was integrated."""
+        return self._outcome.flow
+
+    @property
+    def epsilon(self) -> float | None:
+        """Its small parameter, if it has one."""
+        return self._outcome.epsilon
+
+    @property
+    def _record(self) -> RunRecord:
+        return self._outcome.record
+
+    @cached_property
+    def _steps(self) -> RecordedSteps:
+        return self._record.steps
 
     @cached_property
     def t(self) -> np.ndarray:
         """The times (m,), in the order of integration."""
-        return frozen(self._record.times)
+        times = self._outcome.times
+        return frozen(self._steps.times if times is None else times)
 
     @cached_property
     def y(self) -> np.ndarray:
         """The states (n_states, m) over `t`."""
-        return frozen(frozen(self._record.states).T)
+        states = self._outcome.states
+        return frozen(frozen(self._steps.states if states is None else states).T)
+
+    @property
+    def events(self) -> Mapping[str, Crossings]:
+        """Where each event was met, by its name."""
+        return self._outcome.events
 
     @property
     def status(self) -> Status:
@@ -122,7 +147,7 @@ class Trajectory(Drawn, Tabular):
             raise GspError(
                 "t is a number or a one-dimensional array.", got=f"the shape {times.shape}", value=times.shape
             )
-        ends, states, dense = map(frozen, (self._record.times, self._record.states, self._record.dense))
+        ends, states, dense = map(frozen, self._steps)
         if len(dense) < len(ends) - 1:
             raise GspError(
                 "the trajectory holds no values between its steps.",
@@ -131,7 +156,7 @@ class Trajectory(Drawn, Tabular):
         flat = times if times.ndim else times.reshape(1)
         out = np.empty((states.shape[1], flat.size))
         outside = interpolate_many(ends, states, dense, flat, out)
-        if outside < 0 and self._tolerances is not None:
+        if outside < 0:
             self._check(flat, out)
         if outside >= 0:
             low, high = sorted((float(ends[0]), float(ends[-1])))
@@ -144,44 +169,38 @@ class Trajectory(Drawn, Tabular):
 
     def _check(self, t: np.ndarray, out: np.ndarray) -> None:
         """Put in `out` (n, m) what `at=` gives at the times (m,), where the dense output alone does not do."""
-        record, tolerances = self._record, self._tolerances
-        assert tolerances is not None
-        if not SOLVERS[record.method].corrects or len(record.dense) == 0:
+        record = self._record
+        if not (self._outcome.is_corrected and SOLVERS[record.method].corrects and len(record.dense)):
             return
         grid, places = np.unique(t, return_inverse=True)
         if record.times[-1] < record.times[0]:
             grid, places = grid[::-1].copy(), len(grid) - 1 - places
         compiled = compile_flow(self.flow)
         p = compiled.parameters(self.epsilon)
-        values, _ = read(compiled, p, record.copied(), grid, rtol=tolerances[0], atol=tolerances[1])
+        # Apart, since the run is not to count what is done for a reader.
+        values, _ = read(compiled, p, record.apart(), grid, control=self._outcome.control)
         out[:] = values.T[:, places]
 
     def sample(self, t: ArrayLike) -> Trajectory:
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
         times = np.atleast_1d(check_array(t, what="t", be="a sequence of times")).copy(order="C")
-        facts = {"t": frozen(times), "y": frozen(self.at(times)), "events": self.events}
-        facts |= {"_note": self._note, "_remedy": self._remedy, "_tolerances": self._tolerances}
-        return Trajectory(self.flow, self.epsilon, self._record, facts)
+        return Trajectory(self._outcome._replace(times=times, states=self.at(times).T))
 
-    @property
+    @cached_property
     def _observed(self) -> np.ndarray:
         """All observables over `t`, (m, k), read-only."""
-        fields = self.__dict__
-        # Kept by hand, since `cached_property` takes a lock; the values themselves take a fifth of the time.
-        if "_observables" not in fields:
-            compiled, states = compile_flow(self.flow), self.y.T
-            if not states.flags.c_contiguous:
-                states = frozen(states.copy())
-            out = np.empty((len(states), len(self.flow.observables)))
-            epsilon = np.nan if self.epsilon is None else self.epsilon
-            observe(compiled.observables.address, states, epsilon, compiled.constants, out)
-            fields["_observables"] = frozen(out)
-        return fields["_observables"]
+        compiled, states = compile_flow(self.flow), self.y.T
+        if not states.flags.c_contiguous:
+            states = frozen(states.copy())
+        out = np.empty((len(states), len(self.flow.observables)))
+        epsilon = np.nan if self.epsilon is None else self.epsilon
+        observe(compiled.observables.address, states, epsilon, compiled.constants, out)
+        return frozen(out)
 
     def _ends(self, variables: Sequence[sp.Symbol]) -> Iterator[tuple[sp.Symbol, float, float]]:
         """Each state or observable of `variables` with its values where the run begins and ends."""
         # What was sampled of a run may leave its ends out.
-        run = Trajectory(self.flow, self.epsilon, self._record)
+        run = Trajectory(self._outcome._replace(times=None, states=None))
         for symbol in variables:
             values = run[symbol]
             yield symbol, values[0], values[-1]
@@ -197,8 +216,8 @@ class Trajectory(Drawn, Tabular):
         where = f"t = {self._record.times[-1]:.6g}, {', '.join(shown)}"
         if self.status.ok:
             return f"reached the end after {steps}: {where}"
-        parts = [f"stopped after {steps}: {self.status.name} at {where}", self._note, self._remedy]
-        return "; ".join(filter(None, parts))
+        head = f"stopped after {steps}: {self.status.name} at {where}"
+        return "; ".join(filter(None, (head, self._outcome.note, self._outcome.remedy)))
 
     def __repr__(self) -> str:
         names = ", ".join(symbol.name for symbol in self.flow.states)
@@ -277,9 +296,29 @@ def integrate(
         missing = "start" if start is None else "span"
         raise DeclarationError(f"{missing} is missing.", "Only a Scene has one of its own.", got="None")
     # By their places, which takes half the time that their names do.
-    return trajectory_of(
-        flow, start, span, epsilon, rtol, atol, at, method, dense, max_steps, events, progress, True
-    )
+    options = RunOptions._make((method, dense, max_steps, events, progress, True, False, None))
+    return trajectory_of(flow, start, span, epsilon, rtol, atol, at, options)
+
+
+class RunOptions(NamedTuple):
+    """What else a run may be asked for: five arguments of `integrate`, and what is of use within other verbs alone.
+
+    Ctrl-C ends a run that `returns_partial` with what was made until then. With `stops_at_times` a step ends
+    on every time of `at`, whose values are then better than the tolerance by as much as the steps are: for references.
+    `state` is what `flow.initial(start)` gives, where that is known.
+    """
+
+    method: Method | str | None = None
+    dense: bool = True
+    max_steps: int = 1_000_000
+    events: Event | Iterable[Event] = ()
+    progress: Callable[[float], object] | None = None
+    returns_partial: bool = False
+    stops_at_times: bool = False
+    state: tuple[float, ...] | None = None
+
+
+PLAIN = RunOptions()
 
 
 def trajectory_of(
@@ -290,21 +329,10 @@ def trajectory_of(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     at: ArrayLike | None = None,
-    method: Method | str | None = None,
-    dense: bool = True,
-    max_steps: int = 1_000_000,
-    events: Event | Iterable[Event] = (),
-    progress: Callable[[float], object] | None = None,
-    returns_partial: bool = False,
-    stops_at_times: bool = False,
-    state: tuple[float, ...] | None = None,
+    options: RunOptions = PLAIN,
 ) -> Trajectory:
-    """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run.
-
-    With `returns_partial` it is `integrate`, which returns what was made until then. With `stops_at_times` a step ends
-    on every time of `at`, whose values are then better than the tolerance by as much as the steps are: for references.
-    `state` is what `flow.initial(start)` gives, where that is known.
-    """
+    """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run."""
+    method, dense, max_steps, events, progress, returns_partial, stops_at_times, state = options
     first, last = check_span(span)
     rtol, atol = check_tolerances(rtol, atol)
     dense = dense is True or check_flag(dense, what="dense")
@@ -312,7 +340,7 @@ def trajectory_of(
         check_progress(progress)
     grid = None if at is None else check_grid(at, first, last)
     chosen = None if method is None else check_method(method)
-    limit = check_step_limit(max_steps)
+    control = Control._make((chosen, rtol, atol, check_step_limit(max_steps)))
     compiled = compile_flow(flow)
     p = compiled.parameters(epsilon)
     compiled_events = (
@@ -331,92 +359,34 @@ def trajectory_of(
         grid is not None and compiled_events is None and not stops_at_times and compiled.expressions.is_smooth
     )
     stops = (last,) if reads or grid is None else stops_of(grid, first, last)
-    # By place, at a third of what so many names cost.
-    request = Run._make(
-        (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,
-         RECORD if tests is None else LOOK, 0.0, returns_partial, tests, over_slow is not None)
-    )  # fmt: skip
+    looks = ALONE if returns_partial else NOBODY
+    if tests is not None or progress is not None:
+        rows = RECORD if tests is None else LOOK
+        looks = Looks(returns_partial, progress, None, rows, tests, over_slow is not None)
+    request = Run(compiled, p, y, first, stops, control, dense or reads or reduced, 0.0, looks)
     record = run(request) if tests is not None or not (reduced or compiled_events is not None) else None
-    facts = None
+    met, note, remedy = NOT_MET, "", ""
     if (
         record is None
         or record.status is not Status.SUCCESS
         or (reduced and cast("ReducedFlow", flow).leaves_pairs)
     ):
         if over_slow is not None:
-            request = request._replace(y=_start(flow, start), over_slow=False)
+            request = request._replace(y=_start(flow, start))
             if record is not None and record.status is Status.INTERRUPTED:
                 # It may have come before the start was found.
                 record.states[0] = request.y
-        record, facts = _examined(flow, request, record, compiled_events, (first, last), grid)
+        record, met, note, remedy = examined(flow, request, record, compiled_events, grid)
+    t = states = None
     if grid is not None:
-        states, reached = read(compiled, p, record, grid, rtol=rtol, atol=atol)
+        states, record = read(compiled, p, record, grid, control=control)
+        # What was not reached is left out.
+        t = grid if len(states) == len(grid) else grid[: len(states)]
         if not dense:
             record = record.without_dense()
-        facts = facts or {}
-        # What was not reached is left out.
-        facts["t"] = frozen(grid if reached == len(grid) else grid[:reached])
-        facts["y"] = frozen(frozen(states).T)
-    if dense and SOLVERS[record.method].corrects:
-        facts = facts or {}
-        facts["_tolerances"] = rtol, atol
     # The checked float, which prints.
-    return Trajectory(flow, None if flow.epsilon is None else p[0], record, facts)
-
-
-def _examined(
-    flow: Flow,
-    request: Run,
-    record: Record | None,
-    compiled_events: CompiledEvents | None,
-    span: tuple[float, float],
-    grid: np.ndarray | None,
-) -> tuple[Record, dict[str, Any]]:
-    """What is made of a run that is looked at from Python or has failed, and what is told of it.
-
-    `record` is that of the quick run, if there was one.
-    """
-    compiled, p, y = request.compiled, np.array(request.p), np.array(request.y)
-    first, last = span
-    status = None if record is None else record.status
-    search = ending = begun = None
-    if status is not Status.SUCCESS and (compiled_events is not None or flow.is_reduced):
-        chosen = request.method or choose_method(compiled, request.rtol)
-        request = request._replace(method=chosen)
-        stepper = Stepper(compiled, p, chosen, request.rtol, request.atol)
-        if flow.is_reduced:
-            ending = ending_of(flow, stepper, span, y, stops_of(grid, first, last))
-            begun = ending.at_start(first, y)
-        search = search_of(compiled_events, ending, stepper, span, y)
-    if begun is not None:
-        record = standing(first, y, begun.status, request.method or choose_method(compiled, request.rtol))
-    elif record is None or (search is not None and status is not Status.INTERRUPTED):
-        rows = LOOK if search is not None and search.can_end else RECORD
-        record = run(request._replace(watch=search, dense=True, rows_kept=rows, tests=None))
-    note, override = ("", "") if begun is None else (begun.note, begun.remedy)
-    crossings: Mapping[str, Crossings] = NOT_MET
-    if search is not None:
-        if record.status is Status.INTERRUPTED:
-            # Ctrl-C may have come between the last steps and the look at them.
-            unseen = slice(search.rows + 1, None)
-            search(record.times[unseen], record.states[unseen], record.dense[search.rows :])
-        record = search.truncated(record)
-        if search.end is not None:
-            note, override = search.end.note, search.end.remedy
-        if begun is None and ending is not None and search.end is None:
-            record, note, override = ending.after_failure(record)
-        if compiled_events is not None:
-            crossings = compiled_events.met(search.found)
-    truncated = (
-        pair_passed(flow, p, record) if flow.is_reduced and cast("ReducedFlow", flow).leaves_pairs else None
-    )
-    if truncated is not None:
-        record, note, override = truncated
-        crossings = met_within(crossings, first, float(record.times[-1]))
-    if record.status is not Status.SUCCESS:
-        known, remedy = explain(flow, p, record, last)
-        note, override = note or known, override or remedy
-    return record, {"events": crossings, "_note": note, "_remedy": override}
+    value = None if flow.epsilon is None else p[0]
+    return Trajectory(RunOutcome._make((flow, value, record, control, dense, t, states, met, note, remedy)))
 
 
 def _start(flow: Flow, start: Point) -> tuple[float, ...]:

@@ -9,20 +9,20 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.errors import GspError
-from gsp.integration.crossings import Stepper
 from gsp.integration.members import Members
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.endings import Ending
 from gsp.integration.reduction_end.validity import validity_of
-from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.kernels import ledger
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.integration.watched import Stepper
+from gsp.kernels import integrator
 from gsp.kernels.ensemble import NOT_FINISHED
 from gsp.kernels.watched_ensemble import begin_members, run_watched_members
 from gsp.lowering.compiled_flow import compile_flow
 
 # Failures that may be runs into a zero of det g_y.
-MAY_BE_LOSSES = (ledger.STEP_TOO_SMALL, ledger.NON_FINITE)
+MAY_BE_LOSSES = (integrator.STEP_TOO_SMALL, integrator.NON_FINITE)
 
 Arrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """What is known of each member: state and time reached, states at the times kept, counters and code."""
@@ -90,11 +90,11 @@ class WatchedMembers:
                 raise KeyboardInterrupt
 
         rtol, atol, max_steps = self.control
-        trajectory = trajectory_of(
-            self.flow, start={}, state=tuple(start.tolist()), span=self.span,
-            epsilon=float(self.members.constants[i, 0]), rtol=rtol, atol=atol, at=self.t, method=self.method,
-            max_steps=max_steps, progress=look, returns_partial=True,
-        )  # fmt: skip
+        options = RunOptions(
+            self.method, max_steps=max_steps, progress=look, returns_partial=True, state=tuple(start.tolist())
+        )
+        epsilon = float(self.members.constants[i, 0])
+        trajectory = trajectory_of(self.flow, {}, self.span, epsilon, rtol, atol, self.t, options)
         record = trajectory._record
         ends[i], reached[i] = record.states[-1], record.times[-1]
         kept[i, : trajectory.t.size] = trajectory.y.T

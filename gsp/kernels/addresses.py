@@ -21,7 +21,7 @@ _ROWS, _LAYERS = types.Array(_REAL, 2, "C"), types.Array(_REAL, 3, "C")
 METHOD: Any = _WHOLE(
     _WHOLES, _REALS, _REALS, _REAL, _REAL, _WHOLE, _REALS, _REALS, _REALS, _WHOLES, _REALS, _ROWS, _LAYERS
 )  # fmt: skip
-"""That of an integrator, as `ledger` says."""
+"""That of an integrator, as `integrator` says."""
 COLLOCATION_LOOPS: Any = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
     _WHOLE, _WHOLE, _WHOLES, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS,
     _WHOLES,

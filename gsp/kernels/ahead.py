@@ -26,7 +26,7 @@ from gsp.kernels.evaluate import evaluate_many, observe
 from gsp.kernels.grid import read_grid, runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import correct
-from gsp.kernels.launch import launch, launch_watched, read_explicit_room, read_room
+from gsp.kernels.launch import launch, launch_watched, read_explicit_run, read_run
 from gsp.kernels.radau import radau
 from gsp.kernels.slow_points import to_tolerance
 
@@ -36,14 +36,14 @@ _SHEETS = types.Array(_REAL, 4, "C")
 _WHOLES, _TAPE = types.Array(_WHOLE, 1, "C"), types.Array(_WHOLE, 2, "C")
 _KEPT = tuple(types.Array(_REAL, axes, "C", readonly=True) for axes in (1, 2, 3))
 _RECORD = (_REALS, _ROWS, _LAYERS)
-_POINTS = (_WHOLE, _TAPE, _REALS, _WHOLES, _REAL, _WHOLE, _ROWS, _ROWS)
+_POINTS = (types.Tuple((_WHOLE, _TAPE, _REALS, _WHOLES, _REAL, _WHOLE)), _ROWS, _ROWS)
 
 IN_ORDER: tuple[tuple[Any, Any], ...] = (
     (evaluate_many, (_WHOLE, _ROWS, _REALS, _ROWS)),
     (runs_along, (_REALS, _REAL, _REAL)),
     (radau, METHOD),
     (launch, (_WHOLES, _REALS)),
-    (read_room, (_REALS, _REALS, _ROWS)),
+    (read_run, (_REALS, _REALS, _ROWS)),
     (dop853, METHOD),
     (launch_watched, (_WHOLES, _WHOLES, _REALS)),
     (interpolate_many, (*_KEPT, _REALS, _ROWS)),
@@ -69,11 +69,11 @@ IN_ORDER: tuple[tuple[Any, Any], ...] = (
     ),
     (border, (_LAYERS, _LAYERS, _ROWS, _ROWS, _ROWS, _LAYERS, _ROWS, _REALS, _LAYERS, _SHEETS, _ROWS)),
     (observe, (_WHOLE, _KEPT[1], _REAL, _KEPT[0], _ROWS)),
-    (read_explicit_room, (_WHOLES, _REALS, _REALS, _ROWS)),
+    (read_explicit_run, (_WHOLES, _REALS, _REALS, _ROWS)),
     (read_grid, (*_RECORD, _REALS, _WHOLE, _ROWS)),
     (
         correct,
-        (_WHOLES, _REALS, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _WHOLE, _ROWS, _WHOLES, _REALS),
+        (_WHOLES, _REALS, types.UniTuple(_REAL, 2), types.Tuple(_RECORD), _REALS, _ROWS, _WHOLES, _REALS),
     ),
 )
 """What `gsp report` runs as it comes to be needed: for the arguments that it has there, or by a signature's address."""
@@ -102,11 +102,11 @@ def compiled_ahead() -> Iterator[None]:
 
 def compile_backwards() -> None:
     """Compile `IN_ORDER`, the last first; what is on disk is read from there."""
-    for kernel, wanted in reversed(IN_ORDER):
-        if isinstance(wanted, tuple):
-            kernel.compile(wanted)
+    for kernel, signature in reversed(IN_ORDER):
+        if isinstance(signature, tuple):
+            kernel.compile(signature)
         else:
-            address_of(kernel, wanted)
+            address_of(kernel, signature)
 
 
 def _help() -> None:

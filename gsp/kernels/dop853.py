@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.compilation import kernel
 from gsp.kernels.dop853_step import SCRATCH, explicit_step
 from gsp.kernels.dop853_tableau import DENSE_ROWS
@@ -35,28 +35,28 @@ NON_STIFF_SIGNS = 6
 
 @kernel
 def dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
-    """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
+    """Advance until the last stop, a full record or a failure; see `integrator` for arguments and codes."""
     n = y.shape[0]
     y_new = np.empty(n)
     rate_new = np.empty(n)
     if not begin(
-        program[ledger.FIELD], p, y, rate, stops[-1], rtol, atol, 8, y_new, rate_new, memory, counters
+        program[integrator.FIELD], p, y, rate, stops[-1], rtol, atol, 8, y_new, rate_new, memory, counters
     ):
-        return ledger.NON_FINITE
+        return integrator.NON_FINITE
     rows = np.empty((DENSE_ROWS, n))
     # Made once: to make it would be a tenth of a step.
     scratch = np.empty((SCRATCH, n))
     recorded = 0
     while True:
-        code, t, step, t_new, clipped, lands = next_step(
+        code, t, step, t_new, clipped, hits_stop = next_step(
             stops, max_steps, recorded, times.shape[0], memory, counters
         )
-        if code != ledger.GOING_ON:
+        if code != integrator.GOING_ON:
             return code
 
         wants = recorded < dense.shape[0]
         error, failure, stretch = explicit_step(
-            program[ledger.FIELD],
+            program[integrator.FIELD],
             p,
             t,
             step,
@@ -81,27 +81,27 @@ def dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, 
             recorded += 1
             # Hairer's test of stiffness.
             if stretch > STABILITY_BORDER * STABILITY_BORDER:
-                counters[ledger.NON_STIFF_SIGNS] = 0
-                counters[ledger.STIFF_SIGNS] += 1
-                if counters[ledger.STIFF_SIGNS] == STIFF_SIGNS:
-                    counters[ledger.STIFF] = 1
+                counters[integrator.NON_STIFF_SIGNS] = 0
+                counters[integrator.STIFF_SIGNS] += 1
+                if counters[integrator.STIFF_SIGNS] == STIFF_SIGNS:
+                    counters[integrator.STIFF] = 1
             else:
-                counters[ledger.NON_STIFF_SIGNS] += 1
-                if counters[ledger.NON_STIFF_SIGNS] == NON_STIFF_SIGNS:
-                    counters[ledger.STIFF_SIGNS] = 0
+                counters[integrator.NON_STIFF_SIGNS] += 1
+                if counters[integrator.NON_STIFF_SIGNS] == NON_STIFF_SIGNS:
+                    counters[integrator.STIFF_SIGNS] = 0
             factor = MAXIMUM_FACTOR
             # The code starts its memory at the floor.
             growth = max(error, ERROR_FLOOR) ** -BETA
             if error > 0.0:
-                previous = memory[ledger.PREVIOUS_GROWTH]
+                previous = memory[integrator.PREVIOUS_GROWTH]
                 factor = SAFETY / (previous if previous > 0.0 else LARGEST_GROWTH) * error**-EXPONENT
                 factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
-            accept(t_new, step, clipped, lands, growth, factor, memory, counters)
+            accept(t_new, step, clipped, hits_stop, growth, factor, memory, counters)
             for i in range(n):
                 y[i] = y_new[i]
                 rate[i] = rate_new[i]
-            if counters[ledger.NEXT_STOP] == stops.shape[0]:
-                return ledger.FINISHED
+            if counters[integrator.NEXT_STOP] == stops.shape[0]:
+                return integrator.FINISHED
         else:
             factor = FAILURE_FACTOR
             if math.isfinite(error):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A, C
@@ -106,17 +106,17 @@ def explicit_step(field, p, t, h, y, rate, rtol, atol, wants, y_new, rate_new, r
     _stage(11, shape, field, p, t, h, y, k, last_argument, value)
     # Row 13 of the tableau is the solution itself.
     _stage(12, shape, field, p, t, h, y, k, y_new, rate_new)
-    counters[ledger.FIELD_CALLS] += STAGES
+    counters[integrator.FIELD_CALLS] += STAGES
     if not (all_finite(y_new) and all_finite(rate_new)):
-        return math.inf, ledger.NON_FINITE, 0.0
+        return math.inf, integrator.NON_FINITE, 0.0
     error = _error(h, shape, y, y_new, k, rtol, atol)
     if error <= 1.0 and wants:
         _stage(13, shape, field, p, t, h, y, k, argument, value)
         _stage(14, shape, field, p, t, h, y, k, argument, value)
         _stage(15, shape, field, p, t, h, y, k, argument, value)
-        counters[ledger.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
+        counters[integrator.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
         _interpolate(shape, h, y, y_new, k, rows)
         for i in range(n):
             if not (math.isfinite(rows[2, i]) and math.isfinite(rows[5, i])):
-                return math.inf, ledger.NON_FINITE, 0.0
-    return error, ledger.STEP_TOO_SMALL, _stretch(h, shape, y_new, last_argument, k)
+                return math.inf, integrator.NON_FINITE, 0.0
+    return error, integrator.STEP_TOO_SMALL, _stretch(h, shape, y_new, last_argument, k)

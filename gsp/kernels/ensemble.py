@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.addresses import call_method
-from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.grid import read_grid
 from gsp.kernels.landing import correct
+from gsp.kernels.uncounted import uncounted, uncounted_record
 
-# Codes beside the ledger's: 0, its RECORD_FULL, of a member that has not begun or was interrupted.
-NOT_FINISHED = ledger.RECORD_FULL
+# Codes beside those of `integrator`: 0, its RECORD_FULL, of a member that has not begun or was interrupted.
+NOT_FINISHED = integrator.RECORD_FULL
 
 
 @kernel
@@ -37,20 +37,9 @@ def keep(corrects, program, p, control, record, new, stop, grid, before, kept, c
     reached = read_grid(ends, states[: new + 1], dense, grid, before, kept)
     if corrects and dense.shape[0] > 0:
         correct(
-            program,
-            p,
-            rtol,
-            atol,
-            ends,
-            states[: new + 1],
-            dense,
-            grid,
-            before,
-            reached,
-            kept,
-            counters,
-            memory,
-        )
+            program, p, (rtol, atol), (ends, states[: new + 1], dense), grid[before:reached], kept[before:reached],
+            counters, memory,
+        )  # fmt: skip
     return reached
 
 
@@ -59,15 +48,15 @@ def run_piece(program, p, stops, control, y, rate, memory, counters, record):
     """Advance a member by a record of steps behind row 0, which receives where it stands; the code and the steps."""
     times, states, dense = record
     rtol, atol, max_steps = control
-    times[0] = memory[ledger.TIME]
+    times[0] = memory[integrator.TIME]
     for i in range(y.shape[0]):
         states[0, i] = y[i]
-    begun = counters[ledger.STEPS]
+    begun = counters[integrator.STEPS]
     code = call_method(
-        program[ledger.METHOD], program, p, stops, rtol, atol, max_steps,
+        program[integrator.METHOD], program, p, stops, rtol, atol, max_steps,
         y, rate, memory, counters, times[1:], states[1:], dense,
     )  # fmt: skip
-    return code, counters[ledger.STEPS] - begun
+    return code, counters[integrator.STEPS] - begun
 
 
 @kernel
@@ -78,25 +67,30 @@ def run_members(
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
 
     Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached` and `codes` (members,) is member i's:
-    p, its state (the start, then what was reached), the ledger's counters, the time reached and the code. `kept`
+    p, its state (the start, then what was reached), the integrator's counters, the time reached and the code. `kept`
     (members, m, n) receives the states at `grid` (m,), where `corrects` as
     `landing.correct` makes them. `program` has its
     loops. `control` is (rtol, atol, max_steps). `rate` (n,), `memory` and `record` (times, states, dense), with a row
     for the start, are scratch of this call. No step is begun with a fresh record once `halt` (1,) is not 0.
     """
-    program, stops, grid = borrowed(program), borrowed(stops), borrowed(grid)
-    constants, ends, kept, counters = borrowed(constants), borrowed(ends), borrowed(kept), borrowed(counters)
-    rate, memory, record = borrowed(rate), borrowed(memory), borrowed_record(record)
+    program, stops, grid = uncounted(program), uncounted(stops), uncounted(grid)
+    constants, ends, kept, counters = (
+        uncounted(constants),
+        uncounted(ends),
+        uncounted(kept),
+        uncounted(counters),
+    )
+    rate, memory, record = uncounted(rate), uncounted(memory), uncounted_record(record)
     scratch = np.empty_like(memory)
     for i in range(low, high):
         if halt[0] != 0:
             return
         memory[:] = 0.0
-        memory[ledger.TIME] = first
+        memory[integrator.TIME] = first
         rate[:] = 0.0
-        code = ledger.RECORD_FULL
+        code = integrator.RECORD_FULL
         before = 0
-        while code == ledger.RECORD_FULL and halt[0] == 0:
+        while code == integrator.RECORD_FULL and halt[0] == 0:
             code, new = run_piece(
                 program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
             )
@@ -104,7 +98,7 @@ def run_members(
                 corrects, program, constants[i], control, record, new, stops[-1], grid, before, kept[i], counters[i],
                 scratch,
             )  # fmt: skip
-        reached[i] = memory[ledger.TIME]
+        reached[i] = memory[integrator.TIME]
         codes[i] = code
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
+from gsp.kernels.uncounted import uncounted
 
 
 @kernel
@@ -25,7 +25,7 @@ def observe(address, states, epsilon, constants, out):
         p[i] = constants[i]
     p[0] = epsilon
     z = np.empty(n)
-    out = borrowed(out)
+    out = uncounted(out)
     for j in range(states.shape[0]):
         for i in range(n):
             z[i] = states[j, i]

@@ -1,34 +1,34 @@
-"""A run from its start, as Python calls it: each array of a call costs 50 ns, and all of a run lies in one, its room.
+"""A run from its start, as Python calls it: each array of a call costs 50 ns, and all of a run lies in one.
 
-    launch(program, room)
+    launch(program, run_array)
 
-begins the run that the room describes, or goes on with it, by the integrator of `program`; the code is the ledger's.
-The room (k,) is, one part behind the other,
+begins the run that the array describes, or goes on with it, by the method of `program`; the codes are `integrator`'s.
+`run_array` (k,) is, one part behind the other,
 
-    whole numbers     the ledger's limit of steps and what HEAD names, as bits
-    counters          the ledger's
+    whole numbers     the limit of steps and what HEAD names, as bits
+    counters          those of `integrator`
     given             the time of the start, the tolerances, a first step to try or 0, then y (n,), which moves with the
                       run, then p, then the stops
     work              the integrator's memory, the signs of what is watched, the rate (n,)
     record            times (length + 1,), states (length + 1, n) and dense (length or 0, rows, n), the start in row 0
 
 Before the first call the numbers of HEAD and `given` are there, and BEGUN is NOT_BEGUN or, where y begins with the slow
-variables over which the run begins, OVER_SLOW; nothing else need be. A run whose record is full goes on in a room with
-another record, in front of which all is the same.
+variables over which the run begins, OVER_SLOW; nothing else need be. A run whose record is full goes on in an array
+with another record, in front of which all is the same.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.addresses import call_method
-from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.grid import read_grid
 from gsp.kernels.landing import correct
 from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero, reach_start
+from gsp.kernels.uncounted import uncounted
 
 # Whole numbers: whether the run is begun, or y holds slow variables over which it is to begin; the bound on its
 # attempted steps; how many states, entries of p, stops, entries of the integrator's memory, functions that are watched,
@@ -38,7 +38,7 @@ HEAD = 10
 # BEGUN.
 NOT_BEGUN, HAS_BEGUN, OVER_SLOW = range(3)
 COUNTERS = HEAD
-GIVEN = COUNTERS + ledger.COUNTERS_SIZE
+GIVEN = COUNTERS + integrator.COUNTERS_SIZE
 # given.
 FIRST, RTOL, ATOL, FIRST_STEP = range(GIVEN, GIVEN + 4)
 Y = GIVEN + 4
@@ -63,7 +63,7 @@ def _record(head):
 @kernel
 def launch(program, run_array):
     """Begin a run, or go on with it."""
-    program, run_array = borrowed(program), borrowed(run_array)
+    program, run_array = uncounted(program), uncounted(run_array)
     head = run_array[:HEAD].view(np.int64)
     counters = run_array[COUNTERS:GIVEN].view(np.int64)
     n = head[STATES]
@@ -79,15 +79,15 @@ def launch(program, run_array):
         head[BEGUN] = HAS_BEGUN
         counters[:] = 0
         run_array[work:record] = 0.0
-        memory[ledger.TIME] = run_array[FIRST]
+        memory[integrator.TIME] = run_array[FIRST]
         if run_array[FIRST_STEP] != 0.0:
-            memory[ledger.STEP] = run_array[FIRST_STEP]
-            call(program[ledger.FIELD], run_array[FIRST], y, p, run_array[rate:record])
-    run_array[record] = memory[ledger.TIME]
+            memory[integrator.STEP] = run_array[FIRST_STEP]
+            call(program[integrator.FIELD], run_array[FIRST], y, p, run_array[rate:record])
+    run_array[record] = memory[integrator.TIME]
     for i in range(n):
         run_array[states + i] = y[i]
     return call_method(
-        program[ledger.METHOD], program, p, run_array[stops:work], run_array[RTOL], run_array[ATOL], head[LIMIT],
+        program[integrator.METHOD], program, p, run_array[stops:work], run_array[RTOL], run_array[ATOL], head[LIMIT],
         y, run_array[rate:record], memory, counters,
         run_array[record + 1 : states],
         run_array[states + n : dense].reshape((head[LENGTH], n)),
@@ -99,33 +99,33 @@ def launch(program, run_array):
 def launch_watched(program, functions, run_array):
     """`launch`, with a look along the steps that are made: LOOK_WANTED where a watched function may pass through zero.
 
-    `functions` are as `scan` takes them; their signs stand in the room. LOOK_WANTED also where y holds
+    `functions` are as `scan` takes them; their signs stand in the array. LOOK_WANTED also where y holds
     slow variables and compiled code finds no point over them.
     """
-    program, functions, run_array = borrowed(program), borrowed(functions), borrowed(run_array)
+    program, functions, run_array = uncounted(program), uncounted(functions), uncounted(run_array)
     head = run_array[:HEAD].view(np.int64)
     counters = run_array[COUNTERS:GIVEN].view(np.int64)
     begins = head[BEGUN] != HAS_BEGUN
     if head[BEGUN] == OVER_SLOW:
         if not reach_start(functions, run_array[Y : Y + head[STATES]]):
-            return ledger.LOOK_WANTED
+            return integrator.LOOK_WANTED
         head[BEGUN] = NOT_BEGUN
-    before = 0 if begins else counters[ledger.STEPS]
+    before = 0 if begins else counters[integrator.STEPS]
     code = launch(program, run_array)
-    new = counters[ledger.STEPS] - before
+    new = counters[integrator.STEPS] - before
     n = head[STATES]
     p = run_array[Y + n : Y + n + head[CONSTANTS]]
     record, states, dense = _record(head)
     signs = run_array[record - n - functions[WATCHED] : record - n]
     start = run_array[states : states + n]
     if begins and (new == 0 or not begins_clear(functions, p, signs, run_array[record], start)):
-        return ledger.LOOK_WANTED
+        return integrator.LOOK_WANTED
     if new and not clear_of_zero(
         functions, p, signs, run_array[record], start, run_array[record + 1 : record + new + 1],
         run_array[states + n : dense].reshape((head[LENGTH], n)),
         run_array[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
     ):  # fmt: skip
-        return ledger.LOOK_WANTED
+        return integrator.LOOK_WANTED
     return code
 
 
@@ -143,26 +143,28 @@ def _steps_made(head, steps, run_array):
 
 
 @kernel
-def read_room(run_array, grid, out):
-    """`grid.read_grid` from the record of a room: how many of `grid` (m,) are read."""
-    run_array, grid, out = borrowed(run_array), borrowed(grid), borrowed(out)
+def read_run(run_array, grid, out):
+    """`grid.read_grid` from the record in an array: how many of `grid` (m,) are read."""
+    run_array, grid, out = uncounted(run_array), uncounted(grid), uncounted(out)
     head = run_array[:HEAD].view(np.int64)
-    times, states, dense = _steps_made(head, run_array[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS], run_array)
+    times, states, dense = _steps_made(
+        head, run_array[COUNTERS:GIVEN].view(np.int64)[integrator.STEPS], run_array
+    )
     return read_grid(times, states, dense, grid, 0, out)
 
 
 @kernel
-def read_explicit_room(program, run_array, grid, out):
-    """`read_room`, and `landing.correct`, counted in the room."""
-    program, run_array, grid, out = borrowed(program), borrowed(run_array), borrowed(grid), borrowed(out)
-    reached = read_room(run_array, grid, out)
+def read_explicit_run(program, run_array, grid, out):
+    """`read_run`, and `landing.correct`, counted in the array."""
+    program, run_array, grid, out = uncounted(program), uncounted(run_array), uncounted(grid), uncounted(out)
+    reached = read_run(run_array, grid, out)
     head = run_array[:HEAD].view(np.int64)
     counters = run_array[COUNTERS:GIVEN].view(np.int64)
     p = run_array[Y + head[STATES] : Y + head[STATES] + head[CONSTANTS]]
-    times, states, dense = _steps_made(head, counters[ledger.STEPS], run_array)
-    if dense.shape[0] > 0:
+    steps = _steps_made(head, counters[integrator.STEPS], run_array)
+    if steps[2].shape[0] > 0:
         correct(
-            program, p, run_array[RTOL], run_array[ATOL], times, states, dense, grid, 0, reached, out, counters,
+            program, p, (run_array[RTOL], run_array[ATOL]), steps, grid[:reached], out[:reached], counters,
             np.empty(head[MEMORY]),
         )  # fmt: skip
     return reached

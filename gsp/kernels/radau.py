@@ -5,7 +5,7 @@ one real and (stages - 1)/2 complex systems of n unknowns; collocation polynomia
 The Jacobian is that of the guess at one of the last stages, `radau_tableau.LINEARISED`, not of the step's start, and so
 nearer to those of all stages: the iteration contracts faster.
 
-The driver's contract in `ledger` holds with additions. The number of stages is that of the rows of `dense`, and
+The driver's contract in `integrator` holds with additions. The number of stages is that of the rows of `dense`, and
 `memory` has `memory_size(stages, n)` entries: the tail keeps what the next step starts from.
 """
 
@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.addresses import call_collocation_loops
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
@@ -59,20 +59,12 @@ LOOSEST_ITERATION = 0.03
 # Share of the tolerance asked for. At 0.02 the steps' errors, all of one sign, outweigh those of the collocation.
 ITERATION_SHARE = 0.002
 ROUNDING = 10 * 2.0**-52
-# A step more than this many times as long as the last is guessed from those terms of the last one's polynomial that
-# fall where it ends; see `_keep_what_falls`.
-FAR = 2.0
 
 # The estimate is O(h^(s+1)) for s stages, the error of the dense output O(h^(s+2)), that of a step O(h^(2s)). A
 # step is controlled with rtol^TRANSFORM in place of rtol, which brings the dense output to the tolerance and the
 # end below it: on five stiff problems at rtol 1e-4 to 1e-12 to 1.4 and 0.03 times rtol in geometric mean. RADAU's
 # 0.1 rtol^((s+1)/(2s)) cares for the end alone. A factor of 0.3 before the power gained nothing at equal cost.
 TRANSFORM = np.array([6.0 / 7.0, 8.0 / 9.0])
-
-# What is foreseen of the polynomial's error is too large, since the series falls off faster. With this share what is
-# read between the steps meets the tolerance on linear problems with rates of 1e2 to 1e8 and forcing that grows, decays
-# or turns, and three times that on twenty stiff ones. With 0.07 some are off by 2 and 10, with 0.02 by 26 and 36.
-GAP_SHARE = 0.1
 
 
 @kernel
@@ -82,7 +74,11 @@ def _control(rtol, atol, stages):
     controlled = rtol ** TRANSFORM[family]
     # The iteration ends where its error is lost beside the tolerance asked for, or in rounding.
     tolerance = max(ROUNDING / controlled, min(LOOSEST_ITERATION, ITERATION_SHARE * rtol / controlled))
-    return controlled, atol * controlled / rtol, tolerance, GAP_SHARE * controlled / rtol
+    # What is foreseen of the polynomial's error is too large, since the series falls off faster. With this
+    # share what is read between the steps meets the tolerance on linear problems with rates of 1e2 to 1e8 and
+    # forcing that grows, decays or turns, and three times that on twenty stiff ones. With 0.07 some are off by
+    # 2 and 10, with 0.02 by 26 and 36.
+    return controlled, atol * controlled / rtol, tolerance, 0.1 * controlled / rtol
 
 
 @kernel
@@ -108,14 +104,14 @@ def _keep_what_falls(memory, step, n, stages):
 def _attempt_by_code(program, p, step, stages, control, twice, memory, block, counters):
     """`radau_loops.attempt_by_loops` by the flow's own code, the functions of `lowering.steps.collocation` on `block`.
 
-    Where the pivots cannot be used or something is not finite it says so by `ledger.NON_FINITE`.
+    Where the pivots cannot be used or something is not finite it says so by `integrator.NON_FINITE`.
     """
     _, _, tolerance, gap_share = control
-    begin_code = program[ledger.CODE]
-    round_code = program[ledger.CODE + 1]
+    begin_code = program[integrator.CODE]
+    round_code = program[integrator.CODE + 1]
     call(begin_code, step, memory, p, block)
     if block[USABLE] != 1.0:
-        return math.inf, 0, FAILURE_FACTOR, ledger.NON_FINITE
+        return math.inf, 0, FAILURE_FACTOR, integrator.NON_FINITE
     most = most_rounds(stages)
     now = opening(memory[CONTRACTION])
     verdict = GOING_ON
@@ -125,33 +121,33 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
         rounds += 1
         call(round_code, step, memory, p, block)
         verdict, factor, now = judge(rounds, most, block[NORM], now, tolerance)
-    counters[ledger.FIELD_CALLS] += rounds * stages
+    counters[integrator.FIELD_CALLS] += rounds * stages
     if verdict != CONVERGED:
         return math.inf, rounds, factor, failure_of(verdict)
-    call(program[ledger.CODE + 2], step, memory, p, block)
-    counters[ledger.FIELD_CALLS] += 1
+    call(program[integrator.CODE + 2], step, memory, p, block)
+    counters[integrator.FIELD_CALLS] += 1
     if twice and block[ERROR] >= 1.0:
-        call(program[ledger.CODE + 3], step, memory, p, block)
-        counters[ledger.FIELD_CALLS] += 1
+        call(program[integrator.CODE + 3], step, memory, p, block)
+        counters[integrator.FIELD_CALLS] += 1
     error = max(block[ERROR], gap_share * block[GAP])
     if not math.isfinite(error):
-        return math.inf, rounds, FAILURE_FACTOR, ledger.NON_FINITE
+        return math.inf, rounds, FAILURE_FACTOR, integrator.NON_FINITE
     memory[CONTRACTION] = now[2]
-    return error, rounds, 1.0, ledger.STEP_TOO_SMALL
+    return error, rounds, 1.0, integrator.STEP_TOO_SMALL
 
 
 @kernel
 def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
-    """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
-    field = program[ledger.FIELD]
+    """Advance until the last stop, a full record or a failure; see `integrator` for arguments and codes."""
+    field = program[integrator.FIELD]
     stages = dense.shape[1]
     n = y.shape[0]
     lines = lines_of(n)
     width = width_of(stages)
-    coded = program[ledger.CODE] != 0
+    coded = program[integrator.CODE] != 0
     size = lines + n * width
     if coded:
-        size = max(size, program[ledger.CODE + CODE_SIZE - 1])
+        size = max(size, program[integrator.CODE + CODE_SIZE - 1])
     # At the start of a cache line, so that no vector lies in two.
     padded = np.empty(size + 7)
     skipped = -(padded.ctypes.data // 8) % 8
@@ -171,7 +167,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     if not begin(
         field, p, y, rate, stops[-1], control[0], control[1], stages, work, work_rate, memory, counters
     ):
-        return ledger.NON_FINITE
+        return integrator.NON_FINITE
     for i in range(n):
         block[POINT + i] = y[i]
         block[POINT + n + i] = rate[i]
@@ -180,33 +176,35 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
         code, _, step, t_new, clipped, hits_stop = next_step(
             stops, max_steps, recorded, times.shape[0], memory, counters
         )
-        if code != ledger.GOING_ON:
+        if code != integrator.GOING_ON:
             return code
 
-        if abs(step) > FAR * abs(memory[LENGTH]):
+        # A step more than this many times as long as the last is guessed from those terms of the last one's
+        # polynomial that fall where it ends; see `_keep_what_falls`.
+        if abs(step) > 2.0 * abs(memory[LENGTH]):
             _keep_what_falls(memory, step, n, stages)
-        counters[ledger.JACOBIAN_CALLS] += 1
-        counters[ledger.DECOMPOSITIONS] += 1
-        twice = counters[ledger.STEPS] == 0 or counters[ledger.JUST_REJECTED] == 1
+        counters[integrator.JACOBIAN_CALLS] += 1
+        counters[integrator.DECOMPOSITIONS] += 1
+        twice = counters[integrator.STEPS] == 0 or counters[integrator.JUST_REJECTED] == 1
         error = math.inf
         rounds = 0
         factor = FAILURE_FACTOR
-        failure = ledger.NON_FINITE
-        field_calls = counters[ledger.FIELD_CALLS]
+        failure = integrator.NON_FINITE
+        field_calls = counters[integrator.FIELD_CALLS]
         if coded:
             error, rounds, factor, failure = _attempt_by_code(
                 program, p, step, stages, control, twice, memory, block, counters
             )
-        if failure == ledger.NON_FINITE:
+        if failure == integrator.NON_FINITE:
             # The loops pivot, and say what is wrong where that does not help.
-            if program[ledger.LOOPS] == 0:
-                counters[ledger.JACOBIAN_CALLS] -= 1
-                counters[ledger.DECOMPOSITIONS] -= 1
-                counters[ledger.FIELD_CALLS] = field_calls
-                return ledger.LOOPS_WANTED
+            if program[integrator.LOOPS] == 0:
+                counters[integrator.JACOBIAN_CALLS] -= 1
+                counters[integrator.DECOMPOSITIONS] -= 1
+                counters[integrator.FIELD_CALLS] = field_calls
+                return integrator.LOOPS_WANTED
             error, rounds, factor, failure = call_collocation_loops(
-                program[ledger.LOOPS], field, program[ledger.JACOBIAN], pattern, p, step, stages, y, rate, control,
-                twice, memory, block, counters,
+                program[integrator.LOOPS], field, program[integrator.JACOBIAN], pattern, p, step, stages, y, rate,
+                control, twice, memory, block, counters,
             )  # fmt: skip
         safety = SAFETY * (2 * most + 1) / (2 * most + rounds)
 
@@ -220,7 +218,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
                     for i in range(n):
                         dense[recorded, k, i] = block[lines + i * width + k]
             if coded:
-                call(program[ledger.CODE + 4], step, memory, p, block)
+                call(program[integrator.CODE + 4], step, memory, p, block)
             else:
                 memory[LENGTH] = step
                 for k in range(n * width):
@@ -231,18 +229,18 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
             if error > 0.0:
                 growth = error**exponent
                 factor = safety * growth
-                previous = memory[ledger.PREVIOUS_STEP]
+                previous = memory[integrator.PREVIOUS_STEP]
                 if previous != 0.0 and not clipped:
                     # Gustafsson's predictive controller, (8.25).
-                    trend = growth / memory[ledger.PREVIOUS_GROWTH]
+                    trend = growth / memory[integrator.PREVIOUS_GROWTH]
                     factor = min(factor, SAFETY * growth * (step / previous) * trend)
             if rounds > 1:
                 theta = memory[CONTRACTION] / (1.0 + memory[CONTRACTION])
                 factor = min(factor, change_allowed(theta))
             factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
             accept(t_new, step, clipped, hits_stop, min(growth, largest_growth), factor, memory, counters)
-            if counters[ledger.NEXT_STOP] == stops.shape[0]:
-                return ledger.FINISHED
+            if counters[integrator.NEXT_STOP] == stops.shape[0]:
+                return integrator.FINISHED
         else:
             if math.isfinite(error):
                 factor = max(MINIMUM_FACTOR, safety * error**exponent)

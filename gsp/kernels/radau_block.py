@@ -7,7 +7,7 @@ holds the iteration's last theta/(1 - theta), the length of the last step, and s
 
 from __future__ import annotations
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.compilation import kernel
 
 # Entries of the kernel's program that are the step's code: five functions and the size of the block.
@@ -23,7 +23,7 @@ WEIGHT = 4
 ESTIMATE = 5
 ROWS = 6
 
-CONTRACTION = ledger.MEMORY_SIZE
+CONTRACTION = integrator.MEMORY_SIZE
 LENGTH = CONTRACTION + 1
 LINES = LENGTH + 1
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.compilation import kernel
 
-# As in RADAU: slower than 0.99 is divergence.
-SLOWEST_RATE = 0.99
 # Steps do not grow beyond the one in which theta would be this, as if theta went with the step's square, and one that
 # failed is shortened to that, by half at least. At loose tolerances the iteration is what fails: at rtol 1e-2 a third
 # of all attempts did, after steps whose error let them grow eightfold. From 0.1 to 0.3 the work is the same.
@@ -17,13 +15,6 @@ LONGEST_AFTER_FAILURE = 0.5
 # After a value that is not finite or a pivot of 0 there is no estimate; a tenth is RODAS's choice for a bad first step.
 FAILURE_FACTOR = 0.1
 
-# A first round counts as contracting by this at best, whatever the step before did: by 1e-12 in a transient where only
-# linear terms act, and not at all in the next step, where slow variables move on and fast ones follow a round late.
-# Without it fast variables were off by up to 170 tolerances. `radau.ITERATION_SHARE` is 0.002: a single round is then
-# believed for two tolerances. With 2e-4, 7 of 2610 runs of twenty problems ended 2 to 6 tolerances off and now and then
-# one 13 to 16, as BLAS decided; now none by more than one. RADAU9 takes 1 % more calls of the field for it and RADAU13
-# 11 % fewer.
-UNPROVEN = 1e-3
 
 GOING_ON, CONVERGED, DIVERGED, UNDEFINED = range(4)
 
@@ -37,13 +28,19 @@ def most_rounds(stages):
 @kernel
 def opening(contraction):
     """What `judge` takes before the first round, from what the step before left."""
-    return 0.0, 0.0, max(contraction**0.8, UNPROVEN)
+    # A first round counts as contracting by this at best, whatever the step before did: by 1e-12 in a transient
+    # where only linear terms act, and not at all in the next step, where slow variables move on and fast ones
+    # follow a round late. Without it fast variables were off by up to 170 tolerances. `radau.ITERATION_SHARE`
+    # is 0.002: a single round is then believed for two tolerances. With 2e-4, 7 of 2610 runs of twenty problems
+    # ended 2 to 6 tolerances off and now and then one 13 to 16, as BLAS decided; now none by more than one.
+    # RADAU9 takes 1 % more calls of the field for it and RADAU13 11 % fewer.
+    return 0.0, 0.0, max(contraction**0.8, 1e-3)
 
 
 @kernel
 def failure_of(verdict):
     """What is wrong with an attempt whose iteration ended so, and not by converging."""
-    return ledger.NON_FINITE if verdict == UNDEFINED else ledger.STEP_TOO_SMALL
+    return integrator.NON_FINITE if verdict == UNDEFINED else integrator.STEP_TOO_SMALL
 
 
 @kernel
@@ -67,7 +64,8 @@ def judge(k, most, norm, before, tolerance):
         rate = norm / last_norm
         theta = rate if k == 2 else math.sqrt(rate * last_rate)
         shorter = min(LONGEST_AFTER_FAILURE, max(FAILURE_FACTOR, change_allowed(theta)))
-        if theta >= SLOWEST_RATE:
+        # As in RADAU: slower than 0.99 is divergence.
+        if theta >= 0.99:
             return DIVERGED, shorter, before
         contraction = theta / (1.0 - theta)
         if k < most:

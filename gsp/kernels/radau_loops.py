@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_systems import solve_shifted
@@ -43,27 +43,38 @@ def _guess(memory, step, z):
     stages, n = z.shape
     width = width_of(stages)
     length = memory[LENGTH]
+    # Row by row, along all states.
+    rows = np.empty((stages + 1, n))
+    for i in range(n):
+        for k in range(stages + 1):
+            rows[k, i] = memory[LINES + i * width + k]
     for a in range(stages):
         r = 0.0 if length == 0.0 else -NODES[(stages - 5) // 2, a] * step / length
         s = 1.0 - r
         for i in range(n):
-            total = 0.0
-            for k in range(stages - 1, -1, -1):
-                total = memory[LINES + i * width + k] + (s if k % 2 == 0 else r) * total
-            z[a, i] = -r * memory[LINES + i * width + stages] + s * r * total
+            z[a, i] = rows[stages - 1, i]
+        for k in range(stages - 2, -1, -1):
+            factor = s if k % 2 == 0 else r
+            for i in range(n):
+                z[a, i] = rows[k, i] + factor * z[a, i]
+        for i in range(n):
+            z[a, i] = -r * rows[stages, i] + s * r * z[a, i]
 
 
 @kernel
 def _multiply(matrices, x, out):
     """`out` (stages, n) = M `x` for the family's M."""
     stages, n = x.shape
+    family = (stages - 5) // 2
     for a in range(stages):
+        first = matrices[family, a, 0]
         for i in range(n):
-            out[a, i] = 0.0
-        for q in range(stages):
-            factor = matrices[(stages - 5) // 2, a, q]
+            out[a, i] = first * x[0, i]
+        # Two at a time, since the sums are fetched and kept each time; `stages` is odd.
+        for q in range(1, stages, 2):
+            factor, other = matrices[family, a, q], matrices[family, a, q + 1]
             for i in range(n):
-                out[a, i] += factor * x[q, i]
+                out[a, i] = out[a, i] + factor * x[q, i] + other * x[q + 1, i]
 
 
 @kernel
@@ -84,10 +95,15 @@ def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, rig
             w[a, i] = step * w[a, i] - z[a, i]
     _multiply(T_INVERSE, w, f)
     solve_stages(pattern, step, system, f, value, b, right)
-    total = 0.0
+    # By states first: one long sum would wait for each of its terms.
+    for i in range(n):
+        value[i] = 0.0
     for a in range(stages):
         for i in range(n):
-            total += (f[a, i] * weight[i]) ** 2
+            value[i] += (f[a, i] * weight[i]) ** 2
+    total = 0.0
+    for i in range(n):
+        total += value[i]
     _multiply(T, f, w)
     for a in range(stages):
         for i in range(n):
@@ -100,7 +116,8 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
     """The estimate's norm, and the error of the collocation polynomial within the step, both over the tolerance.
 
     The estimate (8.19) is damped in the fast variables, by the factor 1/(h lambda), and the polynomial's error in one
-    that is slaved is not: the largest first term left out. The terms fall off like a geometric series.
+    that is slaved is not: the largest first term left out. The terms fall off like a geometric series, a pair of poles
+    makes them A rho^k cos(k theta + phi).
     """
     stages, n = coefficients.shape
     family = (stages - 5) // 2
@@ -109,16 +126,24 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
     for i in range(n):
         weight = 1.0 / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
         total += (estimate[i] * weight) ** 2
-        last = LARGEST_FACTORS[family, 3] * abs(coefficients[stages - 2, i])
-        before = LARGEST_FACTORS[family, 2] * abs(coefficients[stages - 3, i])
+        first = LARGEST_FACTORS[family, 0] * coefficients[stages - 5, i]
+        second = LARGEST_FACTORS[family, 1] * coefficients[stages - 4, i]
+        third = LARGEST_FACTORS[family, 2] * coefficients[stages - 3, i]
+        fourth = LARGEST_FACTORS[family, 3] * coefficients[stages - 2, i]
         # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
-        last = max(last, before)
-        before = max(
-            LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 4, i]),
-            LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 5, i]),
-        )
+        last = max(abs(fourth), abs(third))
+        before = max(abs(second), abs(first))
         # Not last^2, which overflows from 1e154 on.
         term = last * (last / before) if last < before else last
+        size = max(last, before)
+        if size > 0.0:
+            # c_k^2 - c_(k-1) c_(k+1) = (A rho^k sin theta)^2 has no zeros, where the coefficients pass through theirs.
+            unit = 1.0 / size
+            first, second, third, fourth = first * unit, second * unit, third * unit, fourth * unit
+            envelope = abs(third * third - second * fourth)
+            ahead = envelope * math.sqrt(envelope)
+            bound = abs(second * second - first * third)
+            term = max(term, size * (ahead / bound) if ahead * size < bound * last else last)
         largest = max(largest, term * weight)
     return math.sqrt(total / n), largest
 
@@ -145,7 +170,7 @@ def attempt_by_loops(
     b = np.empty(n, np.complex128)
     pivots = np.empty(n, np.int64)
     complex_pivots = np.empty((stages // 2, n), np.int64)
-    t = memory[ledger.TIME]
+    t = memory[integrator.TIME]
     end = POINT + END * n
     lines = lines_of(n)
     width = width_of(stages)
@@ -159,10 +184,10 @@ def attempt_by_loops(
         # The guess may lie beyond the field's domain.
         call(jacobian, t, y, p, entries)
         if not all_finite(entries):
-            return math.inf, 0, 0.0, ledger.SINGULAR_JACOBIAN
+            return math.inf, 0, 0.0, integrator.SINGULAR_JACOBIAN
     regular, real, complexes, quads = decompose(entries, step, family, pattern, pivots, complex_pivots)
     if not regular:
-        return math.inf, 0, FAILURE_FACTOR, ledger.SINGULAR_JACOBIAN
+        return math.inf, 0, FAILURE_FACTOR, integrator.SINGULAR_JACOBIAN
     system = (real, complexes, quads, pivots, complex_pivots)
     right = np.empty(QUAD * n if quads.shape[0] != 0 else 0)
     for i in range(n):
@@ -176,7 +201,7 @@ def attempt_by_loops(
         rounds += 1
         norm = _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, right)
         verdict, factor, now = judge(rounds, most, norm, now, tolerance)
-    counters[ledger.FIELD_CALLS] += rounds * stages
+    counters[integrator.FIELD_CALLS] += rounds * stages
     if verdict != CONVERGED:
         return math.inf, rounds, factor, failure_of(verdict)
     memory[CONTRACTION] = now[2]
@@ -194,7 +219,7 @@ def attempt_by_loops(
         for i in range(n):
             value[i] = y[i] + defect[i]
         call(field, t, value, p, defect)
-        counters[ledger.FIELD_CALLS] += 1
+        counters[integrator.FIELD_CALLS] += 1
         for i in range(n):
             defect[i] -= slope[i]
         solve_shifted(pattern, real, pivots, defect)
@@ -202,19 +227,19 @@ def attempt_by_loops(
     # The gap counts in units of the tolerance asked for.
     error = max(error, gap_share * gap)
     if not math.isfinite(error):
-        return math.inf, rounds, FAILURE_FACTOR, ledger.NON_FINITE
+        return math.inf, rounds, FAILURE_FACTOR, integrator.NON_FINITE
     # The collocation polynomial and its leading error, filtered as the estimate is: y - u = gamma e K(theta) in the
     # notation of the tableau, for the estimate e = h (f0 - u'(0))/gamma.
-    for k in range(stages):
-        leading = EIGENVALUES[family, 0].real * DEFECT[family, k]
-        for i in range(n):
+    for i in range(n):
+        for k in range(stages):
+            leading = EIGENVALUES[family, 0].real * DEFECT[family, k]
             block[lines + i * width + k] = w[k, i] + leading * defect[i]
     call(field, t + step, y_new, p, value)
-    counters[ledger.FIELD_CALLS] += 1
+    counters[integrator.FIELD_CALLS] += 1
     if not all_finite(value):
-        return math.inf, rounds, FAILURE_FACTOR, ledger.NON_FINITE
+        return math.inf, rounds, FAILURE_FACTOR, integrator.NON_FINITE
     for i in range(n):
         block[end + i] = y_new[i]
         block[end + n + i] = value[i]
         block[lines + i * width + stages] = z[stages - 1, i]
-    return error, rounds, 1.0, ledger.STEP_TOO_SMALL
+    return error, rounds, 1.0, integrator.STEP_TOO_SMALL

@@ -40,7 +40,7 @@ def clear_of_zero(functions, p, signs, time, state, times, states, dense):
     Each of the values (w,) that `functions` gives over a state must have its sign of `signs` (w,) at `LOOKS` points of
     every step, and be further from zero than `DIP` times the second differences beside it, as the search has it; if
     only the latter fails, at `CLOSER_LOOKS` points. The steps start at `time` with `state` (n,); `times` (k,), `states`
-    (k, n) and `dense` (k, rows, n) as in `ledger`.
+    (k, n) and `dense` (k, rows, n) as in `integrator`.
     """
     found = _look(LOOKS, functions, p, signs, time, state, times, states, dense)
     if found == _BENT:

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, norm, solve
 from gsp.kernels.step_control import all_finite
+from gsp.kernels.uncounted import uncounted
 
 # A correction this share of the step before it may lead to another sheet; below this share of 1 + |y| it is rounding.
 TRUSTED, ROUNDING = 0.25, 1e-9
@@ -115,19 +115,25 @@ def reach_sheet(sheet, target, y):
     """Fill `y` (n,) with the point over `target` (n_slow,) of the sheet that a seed lies on; True if it was reached.
 
     `sheet` are the three addresses of `follow_sheet`, its rounds, how many numbers of pieces are tried one after the
-    other, and these; then, as bits, its tolerance, the seed (x, y) and p.
+    other, and these; then, as bits, its tolerance, the seed (x, y) in units, these units, and p.
     """
-    sheet, target, y = borrowed(sheet), borrowed(target), borrowed(y)
+    sheet, target, y = uncounted(sheet), uncounted(target), uncounted(y)
     tried = 5 + sheet[4]
     numbers = sheet[tried:].view(np.float64)
     m = 1 + target.shape[0]
     n = m + y.shape[0]
+    units = numbers[n : 2 * n - 1]
+    scaled = np.empty(m - 1)
+    for i in range(m - 1):
+        scaled[i] = target[i] / units[i]
     for pieces in sheet[5:tried]:
         for i in range(y.shape[0]):
             y[i] = numbers[m + i]
         if follow_sheet(
-            sheet[0], sheet[1], sheet[2], numbers[n:], numbers[1:m], y, target, pieces, numbers[0], sheet[3],
+            sheet[0], sheet[1], sheet[2], numbers[2 * n - 1 :], numbers[1:m], y, scaled, pieces, numbers[0], sheet[3],
         ):  # fmt: skip
+            for i in range(y.shape[0]):
+                y[i] *= units[m - 1 + i]
             return True
     return False
 
@@ -135,6 +141,6 @@ def reach_sheet(sheet, target, y):
 @kernel
 def reach_sheets(sheet, targets, out, found):
     """`reach_sheet` over each of `targets` (k, n_slow), into row i of `out` (k, n); `found` (k,) says which."""
-    sheet, targets, out = borrowed(sheet), borrowed(targets), borrowed(out)
+    sheet, targets, out = uncounted(sheet), uncounted(targets), uncounted(out)
     for i in range(targets.shape[0]):
         found[i] = reach_sheet(sheet, targets[i], out[i])

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gsp.kernels.addresses import call_jet
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.linear_algebra import factorise, norm, solve
 
 CONVERGED, NOT_CONVERGED, NON_FINITE, ILL_CONDITIONED = range(4)
@@ -22,18 +22,18 @@ CONVERGED, NOT_CONVERGED, NON_FINITE, ILL_CONDITIONED = range(4)
 ROUNDING = 4e-16
 QUADRATIC = 1e-9
 ITERATIONS = 25
-# A chord step that is not this much shorter than the one before wants a new Jacobian.
-CONTRACTION = 0.02
 # Beyond this the Jacobian's digits in one fast direction are lost under another's: fast rates l and L apart lead
 # to (L/l)^(m+1), and what Newton's method then takes for a solution is none.
 CONDITION = 1e13
-# Orders looked at first, when the order is to be chosen.
-FIRST_ORDERS = 8
-# Orders past the smallest change are looked at until it has grown by this much.
-GROWTH = 30.0
 # Iterations after which the highest order is halved and Newton's method starts again: far past optimal truncation
 # high orders may have no solution near M0.
 PATIENCE = 8
+
+
+@inlined_kernel
+def _jet(flow, x, y, order, v, d):
+    jet, tape, constants, rates, epsilon, slow = flow
+    call_jet(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d)
 
 
 @kernel
@@ -93,11 +93,13 @@ def _remainder(length):
 
 
 @kernel
-def _climb(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step):
+def _climb(flow, x, y, order, v, d, newton):
     """One Newton step each at the orders 1, 3, 7, ... well below `order`: each squares the error before it."""
+    slow = flow[-1]
+    matrix, pivots, step = newton
     m = 1
     while m < 0.6 * order:
-        call_jet(jet, tape, constants, rates, epsilon, slow, x, y, m + 1, v, d)
+        _jet(flow, x, y, m + 1, v, d)
         if not _jacobian(d, slow, m, matrix, pivots):
             return
         if not _condition(d, slow, m, matrix, pivots, step) <= CONDITION:
@@ -108,15 +110,15 @@ def _climb(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix
 
 
 @kernel
-def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes):
+def at_order(flow, xs, ys, order, errors, codes):
     """Overwrite the starts `ys` (m, n_fast) by the points of one order; `errors` by the change to the next.
 
-    `jet` is the address of `jets.flow_jet_with_tangents`, which both ways to the points call.
-    Returns the number of jets computed, with tangents and without.
+    `flow` is (jet, tape, constants, rates, epsilon, slow): the address of `jets.flow_jet_with_tangents`, which both
+    ways to the points call, and what that takes first. Returns the number of jets computed, with tangents and without.
     """
-    fast = ys.shape[1]
-    v = np.empty((tape.shape[0], order + 3))
-    d = np.empty((fast, tape.shape[0], order + 3))
+    fast, slow, symbols = ys.shape[1], flow[-1], flow[1].shape[0]
+    v = np.empty((symbols, order + 3))
+    d = np.empty((fast, symbols, order + 3))
     no_tangents = d[:0]
     matrix = np.empty((fast, fast))
     pivots = np.empty(fast, dtype=np.int64)
@@ -127,7 +129,7 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
     for point in range(xs.shape[0]):
         x = xs[point]
         y = ys[point]
-        _climb(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step)
+        _climb(flow, x, y, order, v, d, (matrix, pivots, step))
         codes[point] = NOT_CONVERGED
         errors[point] = math.nan
         previous = math.inf
@@ -135,7 +137,7 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
         fresh = True
         for _ in range(ITERATIONS):
             if fresh:
-                call_jet(jet, tape, constants, rates, epsilon, slow, x, y, order + 2, v, d)
+                _jet(flow, x, y, order + 2, v, d)
                 full += 1
                 if _jacobian(d, slow, order + 1, matrix, pivots):
                     _newton(v, slow, order + 1, matrix, pivots, following)
@@ -148,7 +150,7 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
                     codes[point] = ILL_CONDITIONED
                     break
             else:
-                call_jet(jet, tape, constants, rates, epsilon, slow, x, y, order + 1, v, no_tangents)
+                _jet(flow, x, y, order + 1, v, no_tangents)
                 plain += 1
             _newton(v, slow, order, matrix, pivots, step)
             if fresh:
@@ -170,7 +172,8 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
                 codes[point] = CONVERGED
                 errors[point] = change + (_remainder(length) + ROUNDING) * (1.0 + norm(y))
                 break
-            fresh = length > CONTRACTION * previous or length > 1e-4
+            # A chord step that is not this much shorter than the one before wants a new Jacobian.
+            fresh = length > 0.02 * previous or length > 1e-4
             previous = length
         if codes[point] != CONVERGED:
             for i in range(fast):
@@ -179,16 +182,16 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
 
 
 @kernel
-def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, largest, orders, errors, codes):
+def to_tolerance(flow, xs, ys, tolerance, largest, orders, errors, codes):
     """Overwrite the starts `ys` by the points of the lowest order whose estimated error is below `tolerance`.
 
     The estimate is the larger of the changes to the next order and on to the one after it: a single term that
     happens to vanish says nothing. Where it starts to grow first, the order of its least value is taken (optimal
     truncation). Returns the number of jets computed, all with tangents.
     """
-    fast = ys.shape[1]
-    v = np.empty((tape.shape[0], largest + 4))
-    d = np.empty((fast, tape.shape[0], largest + 4))
+    fast, slow, symbols = ys.shape[1], flow[-1], flow[1].shape[0]
+    v = np.empty((symbols, largest + 4))
+    d = np.empty((fast, symbols, largest + 4))
     matrix = np.empty((fast, fast))
     pivots = np.empty(fast, dtype=np.int64)
     steps = np.empty((largest + 3, fast))
@@ -199,11 +202,12 @@ def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, 
     for point in range(xs.shape[0]):
         x = xs[point]
         y = ys[point]
-        top = min(FIRST_ORDERS, largest)
+        # Orders looked at first, when the order is to be chosen.
+        top = min(8, largest)
         limit = largest
         for i in range(fast):
             begin[i] = y[i]
-        _climb(jet, tape, constants, rates, epsilon, slow, x, y, top, v, d, matrix, pivots, steps[0])
+        _climb(flow, x, y, top, v, d, (matrix, pivots, steps[0]))
         codes[point] = NOT_CONVERGED
         errors[point] = math.nan
         previous = math.inf
@@ -214,7 +218,7 @@ def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, 
                 previous = math.inf
                 for i in range(fast):
                     y[i] = begin[i]
-            call_jet(jet, tape, constants, rates, epsilon, slow, x, y, top + 3, v, d)
+            _jet(flow, x, y, top + 3, v, d)
             full += 1
             scale = 1.0 + norm(y)
             known = 0
@@ -255,7 +259,8 @@ def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, 
             if not math.isfinite(length):
                 codes[point] = NON_FINITE
                 break
-            if not met and known == top + 3 and top < limit and last < GROWTH * error:
+            # Orders past the smallest change are looked at until it has grown by this much.
+            if not met and known == top + 3 and top < limit and last < 30.0 * error:
                 top = min(2 * top, limit)
                 continue
             if length <= QUADRATIC or length <= 1e-3 * error or 0.5 * previous < length < 1e-6:

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.compilation import kernel
 
 # Pivots are fixed: so many units in the last place of a row or of a column may be lost to them. Partial pivoting keeps
@@ -48,8 +48,8 @@ def places(pattern, n):
 @kernel
 def pattern_of(program):
     """The pattern in an integrator's program; empty where its Jacobian is dense, or its step has code of its own."""
-    if program.shape[0] > ledger.PATTERN and program[ledger.CODE] == 0:
-        return program[ledger.PATTERN :]
+    if program.shape[0] > integrator.PATTERN and program[integrator.CODE] == 0:
+        return program[integrator.PATTERN :]
     return program[:0]
 
 

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import math
 
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
-
-# 10 units in the last place of t: below this t + c h no longer tells the stages apart.
-SMALLEST_RELATIVE_STEP = 10 * 2.0**-52
-# At t = 0 there is no last place; this keeps 1/h finite.
-SMALLEST_STEP = 1e-290
-# Hairer stretches a step by 1 % to reach the end (DOP853, RODAS) rather than leave a crumb.
-STRETCH = 1.01
 
 
 @kernel
@@ -29,7 +22,9 @@ def all_finite(values):
 @kernel
 def smallest_step(t):
     """Length of the shortest step from `t` that is not lost in rounding."""
-    return max(SMALLEST_RELATIVE_STEP * abs(t), SMALLEST_STEP)
+    # At t = 0 there is no last place; this keeps 1/h finite.
+    # 10 units in the last place of t: below this t + c h no longer tells the stages apart.
+    return max((10 * 2.0**-52) * abs(t), 1e-290)
 
 
 @kernel
@@ -39,7 +34,8 @@ def step_towards(stop, t, h):
     Halving costs no step more than clipping would and leaves no crumb before the stop.
     """
     remaining = stop - t
-    if STRETCH * abs(h) >= abs(remaining):
+    # Hairer stretches a step by 1 % to reach the end (DOP853, RODAS) rather than leave a crumb.
+    if 1.01 * abs(h) >= abs(remaining):
         return remaining
     if 2.0 * abs(h) > abs(remaining):
         return 0.5 * remaining
@@ -48,23 +44,23 @@ def step_towards(stop, t, h):
 
 @inlined_kernel
 def next_step(stops, max_steps, recorded, capacity, memory, counters):
-    """(code, t, step, its end, clipped, lands) of the step that comes next; a code but GOING_ON ends the call."""
-    t = memory[ledger.TIME]
+    """(code, t, step, its end, clipped, hits_stop) of the step that comes next; a code but GOING_ON ends the call."""
+    t = memory[integrator.TIME]
     if recorded == capacity:
-        return ledger.RECORD_FULL, t, 0.0, t, False, False
-    if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
-        return ledger.TOO_MANY_STEPS, t, 0.0, t, False, False
-    proposal = memory[ledger.STEP]
+        return integrator.RECORD_FULL, t, 0.0, t, False, False
+    if counters[integrator.STEPS] + counters[integrator.REJECTED] >= max_steps:
+        return integrator.TOO_MANY_STEPS, t, 0.0, t, False, False
+    proposal = memory[integrator.STEP]
     step, t_new, clipped, hits_stop = step_ahead(stops, t, proposal, counters)
     if step == 0.0:
-        return ledger.STEP_TOO_SMALL, t, step, t_new, clipped, hits_stop
-    return ledger.GOING_ON, t, step, t_new, clipped, hits_stop
+        return integrator.STEP_TOO_SMALL, t, step, t_new, clipped, hits_stop
+    return integrator.GOING_ON, t, step, t_new, clipped, hits_stop
 
 
 @inlined_kernel
 def step_ahead(stops, t, proposal, counters):
-    """(step, its end, clipped, lands) from `t`, for a step that is proposed; 0 where it is lost in rounding."""
-    stop = stops[counters[ledger.NEXT_STOP]]
+    """(step, its end, clipped, hits_stop) from `t`, for a step that is proposed; 0 where it is lost in rounding."""
+    stop = stops[counters[integrator.NEXT_STOP]]
     step = step_towards(stop, t, proposal)
     clipped = abs(step) < abs(proposal)
     hits_stop = step == stop - t
@@ -117,16 +113,16 @@ def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
 @kernel
 def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, counters):
     """Fill `rate` and the first step if there is none yet; False when the field is not finite at the start."""
-    if memory[ledger.STEP] != 0.0:
+    if memory[integrator.STEP] != 0.0:
         return True
-    t = memory[ledger.TIME]
+    t = memory[integrator.TIME]
     call(field, t, y, p, rate)
-    counters[ledger.FIELD_CALLS] += 1
+    counters[integrator.FIELD_CALLS] += 1
     if not all_finite(rate):
         return False
     h = initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate)
-    memory[ledger.STEP] = math.copysign(max(abs(h), smallest_step(t)), h)
-    counters[ledger.FIELD_CALLS] += 1
+    memory[integrator.STEP] = math.copysign(max(abs(h), smallest_step(t)), h)
+    counters[integrator.FIELD_CALLS] += 1
     return True
 
 
@@ -136,28 +132,28 @@ def accept(t, step, clipped, hits_stop, growth, factor, memory, counters):
 
     `growth`, a power of the step's error, is for the next call of the method's controller.
     """
-    if counters[ledger.JUST_REJECTED] == 1:
+    if counters[integrator.JUST_REJECTED] == 1:
         factor = min(factor, 1.0)
     proposal = step * factor
     if clipped:
         # A step cut short for a stop says little about the next one, and must not shrink it.
-        proposal = math.copysign(max(abs(proposal), abs(memory[ledger.STEP])), step)
+        proposal = math.copysign(max(abs(proposal), abs(memory[integrator.STEP])), step)
     else:
-        memory[ledger.PREVIOUS_STEP] = step
-        memory[ledger.PREVIOUS_GROWTH] = growth
-    memory[ledger.TIME] = t
-    memory[ledger.STEP] = proposal
-    counters[ledger.STEPS] += 1
-    counters[ledger.JUST_REJECTED] = 0
+        memory[integrator.PREVIOUS_STEP] = step
+        memory[integrator.PREVIOUS_GROWTH] = growth
+    memory[integrator.TIME] = t
+    memory[integrator.STEP] = proposal
+    counters[integrator.STEPS] += 1
+    counters[integrator.JUST_REJECTED] = 0
     if hits_stop:
-        counters[ledger.NEXT_STOP] += 1
+        counters[integrator.NEXT_STOP] += 1
 
 
 @kernel
 def reject(step, factor, memory, counters):
     """Enter a rejected step and shorten it; False when what is left is lost in rounding."""
     h = step * factor
-    memory[ledger.STEP] = h
-    counters[ledger.REJECTED] += 1
-    counters[ledger.JUST_REJECTED] = 1
-    return abs(h) > smallest_step(memory[ledger.TIME])
+    memory[integrator.STEP] = h
+    counters[integrator.REJECTED] += 1
+    counters[integrator.JUST_REJECTED] = 1
+    return abs(h) > smallest_step(memory[integrator.TIME])

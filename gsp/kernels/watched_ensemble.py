@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsp.kernels import ensemble, ledger
-from gsp.kernels.borrowing import borrowed, borrowed_record
+from gsp.kernels import ensemble, integrator
 from gsp.kernels.compilation import kernel
 from gsp.kernels.scan import begins_clear, clear_of_zero
+from gsp.kernels.uncounted import uncounted, uncounted_record
 
 
 @kernel
 def begin_members(functions, constants, first, starts, signs, clear):
     """Whether each member begins as `scan.begins_clear` wants it, into `clear` (members,), and with which `signs`."""
-    functions, constants, starts = borrowed(functions), borrowed(constants), borrowed(starts)
-    signs, clear = borrowed(signs), borrowed(clear)
+    functions, constants, starts = uncounted(functions), uncounted(constants), uncounted(starts)
+    signs, clear = uncounted(signs), uncounted(clear)
     for i in range(starts.shape[0]):
         clear[i] = begins_clear(functions, constants[i], signs[i], first, starts[i])
 
@@ -30,23 +30,28 @@ def run_watched_members(
     False is not begun; the entry becomes False, and the member is left where it is, when a look does not find its steps
     clear.
     """
-    program, stops, grid = borrowed(program), borrowed(stops), borrowed(grid)
-    constants, ends, kept, counters = borrowed(constants), borrowed(ends), borrowed(kept), borrowed(counters)
-    rate, memory, record = borrowed(rate), borrowed(memory), borrowed_record(record)
+    program, stops, grid = uncounted(program), uncounted(stops), uncounted(grid)
+    constants, ends, kept, counters = (
+        uncounted(constants),
+        uncounted(ends),
+        uncounted(kept),
+        uncounted(counters),
+    )
+    rate, memory, record = uncounted(rate), uncounted(memory), uncounted_record(record)
     times, states, dense = record
     scratch = np.empty_like(memory)
-    functions, signs = borrowed(tests[0]), borrowed(tests[1])
+    functions, signs = uncounted(tests[0]), uncounted(tests[1])
     for i in range(low, high):
         if halt[0] != 0:
             return
         if not ordinary[i]:
             continue
         memory[:] = 0.0
-        memory[ledger.TIME] = first
+        memory[integrator.TIME] = first
         rate[:] = 0.0
-        code = ledger.RECORD_FULL
+        code = integrator.RECORD_FULL
         before = 0
-        while code == ledger.RECORD_FULL and halt[0] == 0 and ordinary[i]:
+        while code == integrator.RECORD_FULL and halt[0] == 0 and ordinary[i]:
             code, new = ensemble.run_piece(
                 program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
             )
@@ -67,5 +72,5 @@ def run_watched_members(
             ordinary[i] = clear_of_zero(
                 functions, constants[i], signs[i], times[0], states[0], times[1 : new + 1], states[1:], dense
             )
-        reached[i] = memory[ledger.TIME]
+        reached[i] = memory[integrator.TIME]
         codes[i] = code

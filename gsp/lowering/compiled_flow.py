@@ -136,7 +136,7 @@ class CompiledFlow:
 
     @_made_once
     def explicit_program(self) -> np.ndarray:
-        """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
+        """What a kernel takes that asks for no Jacobian; see `kernels.integrator`."""
         return np.array([self.field, 0, address_of(dop853, addresses.METHOD), 0, 0])
 
     def collocation_program(self, stages: int) -> np.ndarray:

@@ -27,8 +27,6 @@ from gsp.systems.flow import Flow, Values
 
 # Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
 MOST_KEPT = 96
-# More outputs that are 0 are written by a loop.
-FEW_ZEROS = 64
 # Long code is cut into functions of about so many instructions: LLVM's schedules take more than in proportion to a
 # function's length. A field of 1000 states along a line runs in a sixth of the time that it takes unscheduled.
 LENGTH_OF_PART = 1500
@@ -152,7 +150,8 @@ def _compile(
     scheduled: bool,
 ) -> CompiledFunction:
     # A store for each entry of a sparse matrix that is 0 would be most of the code.
-    zeros = len(outputs) if outputs.count(sp.S.Zero) > FEW_ZEROS else 0
+    # More outputs that are 0 are written by a loop.
+    zeros = len(outputs) if outputs.count(sp.S.Zero) > 64 else 0
     kept = [(i, e) for i, e in enumerate(outputs) if not (zeros and e is sp.S.Zero)]
     places = {symbol: (_Z, i) for i, symbol in enumerate(arguments)}
     if epsilon is not None:

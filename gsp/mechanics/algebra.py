@@ -20,8 +20,6 @@ from gsp.slow.coordinates import dot, invert
 
 Matrix = list[list[RingElement]]
 
-# Sums with more terms are shown as they come: trying their other forms costs more than it explains.
-SHOWN_TERMS = 60
 
 _RATIOS = {
     sp.tan: lambda u: sp.sin(u) / sp.cos(u),
@@ -229,7 +227,8 @@ def _shorter(total: sp.Expr, sine: sp.Expr, cosine: sp.Expr) -> sp.Expr:
     """`total` with squares of the cosine, or of the sine, replaced, when that leaves fewer terms."""
     forms = [total]
     for kept, replaced in ((sine, cosine), (cosine, sine)):
-        if len(sp.Add.make_args(total)) > SHOWN_TERMS or not total.has(replaced):
+        # Sums with more terms are shown as they come: trying their other forms costs more than it explains.
+        if len(sp.Add.make_args(total)) > 60 or not total.has(replaced):
             continue
         powers = {
             p: p.exp for p in total.atoms(sp.Pow) if p.base == replaced and p.exp.is_Integer and p.exp > 1

@@ -41,7 +41,7 @@ class ConstrainedSystem:
     @property
     def matrix(self) -> sp.ImmutableMatrix:
         """A (k, n)."""
-        return sp.ImmutableMatrix(self.frame.forms.tolist()[len(self.frame.along) :])
+        return self.frame.slip_forms
 
     @property
     def offset(self) -> tuple[sp.Expr, ...]:
@@ -79,11 +79,10 @@ class ConstrainedSystem:
         system = self.system
         algebra = system.raw_algebra([*entries(self.matrix), *self.offset])
         ring = algebra.ring
-        inverse = algebra.inverse(algebra.matrix(system.raw_mass_matrix))
+        motion = system.motion(algebra)
+        inverse, free = motion.mobility, motion.accelerations
         A = algebra.matrix(self.matrix)
         v = [ring.generator(s) for s in system.velocities]
-        right = [algebra.read(r) for r in system.right_hand_sides]
-        free = algebra.apply(inverse, right)
         residual = [x + algebra.read(c) for x, c in zip(algebra.apply(A, v), self.offset)]
         # d/dt (A qdot + c) = A qddot + (its derivative at constant velocity) = 0.
         carried = algebra.derive(residual, 0)
@@ -220,7 +219,7 @@ def constrain(
     the distribution D, {symbol: expression linear in the velocities}; without it raw velocities that stay free
     keep their names and others are called u1, u2, ... Raises `DeclarationError` for constraints that are not
     affine in the velocities, depend on time, depend on one another or contradict one another, and for a frame
-    that is none.
+    that is none. A system with holonomic constraints takes none here too: `constrain(system, [])`.
 
     >>> x, y, phi, xdot, ydot, turn = sp.symbols("x y phi xdot ydot turn")
     >>> edge = LagrangianSystem((xdot**2 + ydot**2 + turn**2)/2, [x, y, phi], [xdot, ydot, turn])

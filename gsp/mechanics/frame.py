@@ -18,7 +18,8 @@ from gsp.mechanics.velocity_forms import VelocityForms, linear_form, rank
 class MovingFrame:
     """Quasi-velocities (`along`, `across`) = `forms` qdot + (0, `offset`).
 
-    `forms` is (n, n): the n - k forms of u, then A. `across` are the slip velocities w.
+    `forms` is (n, n): the n - k - h forms of u, then A (k, n), then those of the holonomic constraints (h, n), whose
+    velocities are zero and have no name. `across` are the slip velocities w.
     """
 
     along: tuple[sp.Symbol, ...]
@@ -30,6 +31,12 @@ class MovingFrame:
     def quasi_velocities(self) -> tuple[sp.Symbol, ...]:
         """u, then w."""
         return (*self.along, *self.across)
+
+    @property
+    def slip_forms(self) -> sp.ImmutableMatrix:
+        """A (k, n)."""
+        a, k = len(self.along), len(self.across)
+        return sp.ImmutableMatrix(self.forms[a : a + k, :])
 
     def expressions(self, velocities: Sequence[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
         """Each quasi-velocity in terms of q and qdot."""
@@ -62,9 +69,8 @@ def moving_frame(
     for symbol in (*along, *slips):
         if symbol.name in fixed or [s.name for s in (*along, *slips)].count(symbol.name) > 1:
             raise DeclarationError(f"the quasi-velocity {symbol} has a name that is taken.", "Give it another.")
-    result = MovingFrame(
-        along, slips, sp.ImmutableMatrix([*rows, *constraints.matrix.tolist()]), constraints.offset
-    )
+    forms = sp.ImmutableMatrix([*rows, *constraints.rows.tolist()])
+    result = MovingFrame(along, slips, forms, constraints.offset)
     shown = result.expressions(system.velocities)
     for symbol in result.quasi_velocities:
         if symbol in system.velocities and shown[symbol] != symbol:
@@ -105,13 +111,13 @@ def _quasi_velocities(system, constraints: VelocityForms, frame, across) -> tupl
                 )
             along.append(symbol)
             rows.append(coefficients)
-    dimension = len(system.velocities) - constraints.count
+    dimension = len(system.velocities) - constraints.rows.rows
     if len(along) != dimension:
         raise DeclarationError(
             f"the frame names {len(along)} quasi-velocities along the constraints.",
             got=(
                 f"{', '.join(map(str, along)) or 'none'}; {len(system.velocities)} velocities with "
-                f"{constraints.count} constraints need {dimension}"
+                f"{constraints.rows.rows} constraints need {dimension}"
             ),
         )
     return tuple(along), rows
@@ -119,9 +125,9 @@ def _quasi_velocities(system, constraints: VelocityForms, frame, across) -> tupl
 
 def _built(system, constraints: VelocityForms, taken: set[str]) -> tuple[tuple[sp.Symbol, ...], list]:
     """A frame of D: raw velocities where constant pivots leave them free, combinations elsewhere."""
-    algebra = Algebra(system.coordinates, tuple(system.values), entries(constraints.matrix))
+    algebra = Algebra(system.coordinates, tuple(system.values), entries(constraints.rows))
     n = len(system.velocities)
-    rows, solved = _constant_pivots(algebra, algebra.matrix(constraints.matrix))
+    rows, solved = _constant_pivots(algebra, algebra.matrix(constraints.rows))
     support = [j for j in range(n) if j not in solved and any(not row[j].is_zero for row in rows)]
     forms: list[tuple[int, sp.Symbol | None, list[sp.Expr]]] = []
     for j in range(n):
@@ -206,6 +212,7 @@ def _fresh(count: int, stems: Sequence[str], taken: set[str], *, always: bool = 
 def inverse_forms(algebra: Algebra, frame: MovingFrame) -> Matrix:
     """Psi = (S, T) with qdot = S u + T (w - c); raises `DeclarationError` when the forms are dependent."""
     try:
-        return algebra.inverse(algebra.matrix(frame.forms))
+        whole = algebra.inverse(algebra.matrix(frame.forms))
     except HyperbolicityError:
         raise DeclarationError(f"the forms {frame.forms.tolist()} of the frame are dependent.") from None
+    return [row[: len(frame.quasi_velocities)] for row in whole]

@@ -9,6 +9,7 @@ import numpy as np
 
 from gsp.errors import DeclarationError
 from gsp.mechanics.algebra import numbers
+from gsp.mechanics.constraints import ConstrainedSystem
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.scenes.study import IMAGE_POINTS
@@ -27,7 +28,8 @@ def frame_values(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """(values of the field's states, values of the reconstructed positions) at `start`, by name.
 
-    Raises `DeclarationError` for unknown names, and unless all raw or all quasi-velocities are given.
+    Raises `DeclarationError` for unknown names, unless all raw or all quasi-velocities are given, and for a start
+    off the holonomic constraints.
     """
     given = values_by_name(start, what="start")
     raw = [v.name for v in system.velocities]
@@ -62,8 +64,38 @@ def frame_values(
             f"Give all of {', '.join(raw)}, or all of {', '.join(quasi)}.",
             got=given,
         )
+    system.check_holonomic(position | {name: given[name] for name in raw if name in given and not complete})
     states = {s.name: (position | values)[s.name] for s in field.states}
     return states, {s.name: position[s.name] for s in reconstruction if s.name in given}
+
+
+def with_slips(system: LagrangianSystem, frame: MovingFrame, start: Point) -> dict[str, float]:
+    """`start` by name; where it gives the quasi-velocities along the constraints, slips that it leaves out are 0.
+
+    A start with all raw velocities gives the slips too, also where some of its names are those of quasi-velocities.
+    """
+    given = values_by_name(start, what="start")
+    if all(v.name in given for v in system.velocities) or not all(u.name in given for u in frame.along):
+        return dict(given)
+    return {**dict.fromkeys((w.name for w in frame.across), 0.0), **given}
+
+
+def constrained_start(limit: ConstrainedSystem, start: Point) -> dict[str, float]:
+    """The states of `limit.full_field` and the slips at `start`; positions and slips that are not given are 0.
+
+    Raises what `frame_values` raises.
+    """
+    system, frame = limit.system, limit.frame
+    given = with_slips(system, frame, start)
+    states, places = frame_values(system, frame, limit.reduced, limit.reconstruction, given)
+    slips = {w.name: given[w.name] for w in frame.across if w.name in given}
+    if len(slips) < len(frame.across):
+        shown = frame.expressions(system.velocities)
+        symbols = (*system.coordinates, *system.velocities)
+        point = np.array([[given.get(s.name, 0.0) for s in symbols]])
+        found = numbers([shown[w] for w in frame.across], symbols, point, system.values).ravel()
+        slips = {w.name: float(value) for w, value in zip(frame.across, found)}
+    return {**dict.fromkeys((s.name for s in limit.full_field.states), 0.0), **states, **places, **slips}
 
 
 def new_region(splitting: Splitting, region: Mapping[str, Interval]) -> dict[str, Interval]:

@@ -2,38 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, cast, overload
 
-import numpy as np
 import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
-from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, Matrix, entries
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
 from gsp.mechanics.damping import KINETIC, Damping, check_damping_over, kinetic_damping, read_damping
-from gsp.mechanics.frame import MovingFrame, moving_frame
-from gsp.mechanics.frame_starts import frame_values, new_region
-from gsp.mechanics.hamel import HamelEquations, clocked, extended, hamel, split_positions
+from gsp.mechanics.dry_friction import DryFrictionSystem, grouped, read_contacts
+from gsp.mechanics.frame import moving_frame
+from gsp.mechanics.hamel import hamel
 from gsp.mechanics.lagrangian import LagrangianSystem
+from gsp.mechanics.slipping import SlippingSystem
 from gsp.mechanics.slow_momenta import SlowMomenta, geometric_splitting, slow_momenta
 from gsp.mechanics.velocity_forms import read_constraints
 from gsp.scenes.scene import Scene
+from gsp.sliding.law import switch_law
 from gsp.slow.series import expand
 from gsp.splitting.splitting import Splitting
-from gsp.systems.flow import Point, Values
-from gsp.systems.region import Interval, check_region
-from gsp.systems.system import SlowFastSystem, VectorField
+from gsp.systems.arguments import shown
+from gsp.systems.flow import Values
+
+# The law of friction that grows with the slip without bound, and the one that is bounded, of phi = r/sqrt(1 + r^2).
+VISCOUS, COULOMB = "viscous", "coulomb"
+Strength = sp.Expr | float | Sequence[Any]
+"""mu or N: a number or an expression for all contacts, or a list with one for each."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionSystem:
+class FrictionSystem(SlippingSystem):
     """A mechanical system with Rayleigh friction |w|^2_B/(2 epsilon) against the slip w = A(q) qdot + c(q).
 
     `damping` is B (k, k); `limit` the constrained system that it tends to, in the same `frame`.
@@ -43,58 +47,10 @@ class FrictionSystem:
     epsilon: sp.Symbol
     damping: sp.ImmutableMatrix
 
-    @property
-    def system(self) -> LagrangianSystem:
-        """The system without friction."""
-        return self.limit.system
-
-    @property
-    def constraints(self) -> tuple[sp.Expr, ...]:
-        """The constraints, in (q, qdot)."""
-        return self.limit.constraints
-
-    @property
-    def frame(self) -> MovingFrame:
-        """The moving frame: quasi-velocities u along D, slip velocities w across it."""
-        return self.limit.frame
-
-    @property
-    def quasi_velocities(self) -> Values:
-        """u and w in terms of (q, qdot)."""
-        return MappingProxyType(self.frame.expressions(self.system.velocities))
-
-    @property
-    def velocities(self) -> Values:
-        """qdot in terms of (q, u, w)."""
-        return self._equations.raw_velocities()
-
-    @cached_property
-    def field(self) -> VectorField:
-        """q', u', w' for the positions that matter, time last; the poles are those of the friction."""
-        matter, _, rates = self._split
-        return clocked(self.system, matter, rates, epsilon=self.epsilon)
-
-    @cached_property
-    def reconstruction(self) -> Values:
-        """Rates, in (u, w), of the positions that no other rate depends on."""
-        return MappingProxyType(self._split[1])
-
-    @property
-    def full_field(self) -> VectorField:
-        """`field` with the reconstruction variables behind its states."""
-        return extended(self.field, self.reconstruction)
-
     @cached_property
     def splitting(self) -> Splitting:
         """Slow and fast variables, from the geometry: momenta along D feel no friction, the slip w is fast."""
         return geometric_splitting(self.field, self._equations, self._momenta, self._mobility, self._layer)
-
-    @property
-    def standard_form(self) -> SlowFastSystem:
-        """`splitting.system`."""
-        system = self.splitting.system
-        assert system is not None
-        return system
 
     @property
     def has_constant_fibres(self) -> bool:
@@ -132,10 +88,6 @@ class FrictionSystem:
         pole = equations.energy_derivative(self._layer, explicit=False)
         return equations.algebra.write(regular) + equations.algebra.write(pole) / self.epsilon
 
-    def constraint_residual(self, trajectory: Trajectory) -> np.ndarray:
-        """w = A qdot + c (k, m) along a trajectory of `field`, `full_field` or `standard_form`."""
-        return np.stack([trajectory[w] for w in self.frame.across])
-
     def slip_defect(self) -> tuple[sp.Expr, ...]:
         """h_1 + B^-1 lambda (k,) in the slow variables: zeros, for w = -epsilon B^-1 lambda + O(epsilon^2).
 
@@ -156,78 +108,7 @@ class FrictionSystem:
         )
         return tuple(algebra.write(algebra.read(h) + s) for h, s in zip(first, slip))
 
-    # -- a question about it -----------------------------------------------------------------------
-
-    def scene(
-        self,
-        *,
-        region: Mapping[str, Interval] | Mapping[sp.Symbol, Interval],
-        start: Point,
-        span: Interval,
-        epsilon: float,
-        epsilons: Iterable[float] | None = None,
-        tolerance: float = 1e-6,
-        path: tuple[str, str] | None = None,
-        name: str = "",
-        title: str = "",
-        source: str = "",
-        description: str = "",
-        claims: Mapping[str, Values] | None = None,
-        observables: Values | None = None,
-    ) -> Scene:
-        """A scene about this system, positions that nothing depends on as its reconstruction.
-
-        `start` gives raw velocities, or quasi-velocities, and positions; reconstructed positions start at 0
-        unless given. `region` bounds states of `field`. The scene is about `field` where `gsp.split` finds the
-        slow momenta, else about `standard_form`, with the region's image, the other quasi-velocities among its
-        observables. `observables` are further ones in the states of `field`, as `{H: system.energy()}`. Raises
-        `DeclarationError` where a damping that depends on positions is not positive definite in the region.
-        """
-        states, positions = frame_values(self.system, self.frame, self.field, self.reconstruction, start)
-        field = self.field
-        system: VectorField | SlowFastSystem = VectorField(
-            field.equations,
-            epsilon=self.epsilon,
-            parameters=field.parameters,
-            name=field.name,
-            observables=observables,
-        )
-        box: Mapping = region
-        reconstruction = dict(self.reconstruction)
-        if not self.has_constant_fibres:
-            bounds = check_region(region, [s.name for s in (*self.field.states, *self.standard_form.states)])
-            inverse = dict(self.splitting.inverse)
-            given = {s: _put(e, inverse) for s, e in system.observables.items()}
-            standard = self.standard_form
-            system = replace(standard, observables={**standard.observables, **given})
-            box = new_region(self.splitting, bounds)
-            states = self.splitting.to_new(states)
-            reconstruction = {q: _put(rate, inverse) for q, rate in reconstruction.items()}
-        scene = Scene(
-            system,
-            box,
-            states,
-            span,
-            epsilon,
-            cast("tuple[float, ...]", epsilons),
-            tolerance,
-            name=name,
-            title=title,
-            source=source,
-            description=description,
-            reconstruction=reconstruction,
-            reconstruction_start=positions,
-            path=path,
-            claims=claims or {},
-        )
-        check_damping_over(self.system, self.damping, scene.region, scene.full_start)
-        return scene
-
     # -- parts -------------------------------------------------------------------------------------
-
-    @property
-    def _equations(self) -> HamelEquations:
-        return self.limit.hamel
 
     @cached_property
     def _momenta(self) -> SlowMomenta:
@@ -247,18 +128,19 @@ class FrictionSystem:
         algebra = self._equations.algebra
         return algebra.apply(self._mobility, [algebra.ring.generator(w) for w in self.frame.across])
 
-    @cached_property
-    def _split(self) -> tuple[dict, dict, dict]:
+    def _rates(self) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
         equations, write = self._equations, self._equations.algebra.write
         rates = {
             s: write(drift) + write(layer) / self.epsilon
             for s, drift, layer in zip(self.frame.quasi_velocities, equations.drift, self._layer)
         }
-        positions = {q: write(e) for q, e in equations.positions().items()}
         # The slow momenta's own coefficients may contain a position that the rates do not.
-        metric = [write(e) for rows in (self._momenta.along, self._momenta.across) for row in rows for e in row]
-        matter, driven = split_positions(positions, [*rates.values(), *metric], self.system.clock)
-        return matter, driven, rates
+        return rates, [
+            write(e) for rows in (self._momenta.along, self._momenta.across) for row in rows for e in row
+        ]
+
+    def _check_over(self, scene: Scene) -> None:
+        check_damping_over(self.system, self.damping, scene.region, scene.full_start)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, FrictionSystem) and (
@@ -274,17 +156,8 @@ class FrictionSystem:
         )
         return f"FrictionSystem({self.system.name or 'unnamed'}: friction against {listed})"
 
-    def __str__(self) -> str:
-        lines = [str(self.field)]
-        lines += [f"  {u} = {e}" for u, e in self.quasi_velocities.items()]
-        lines += [f"  {q}' = {rate}" for q, rate in self.reconstruction.items()]
-        return "\n".join(lines)
 
-
-def _put(expression: Any, values: Mapping[sp.Symbol, sp.Expr]) -> Any:
-    return expression.xreplace(values)
-
-
+@overload
 def with_friction(
     system: LagrangianSystem,
     constraints: Constraints,
@@ -292,21 +165,59 @@ def with_friction(
     epsilon: sp.Symbol,
     damping: Damping | None = None,
     frame: Mapping[sp.Symbol, sp.Expr] | None = None,
-) -> FrictionSystem:
-    """The system with friction from the Rayleigh function |A qdot + c|^2_B/(2 epsilon) in place of constraints.
+) -> FrictionSystem: ...
 
+
+@overload
+def with_friction(
+    system: LagrangianSystem,
+    constraints: Constraints | Sequence[sp.Expr | Sequence[sp.Expr]],
+    *,
+    epsilon: sp.Symbol,
+    law: str | sp.Expr,
+    mu: Strength,
+    normal: Strength,
+    frame: Mapping[sp.Symbol, sp.Expr] | None = None,
+) -> DryFrictionSystem: ...
+
+
+def with_friction(
+    system: LagrangianSystem,
+    constraints: Constraints | Sequence[sp.Expr | Sequence[sp.Expr]],
+    *,
+    epsilon: sp.Symbol,
+    damping: Damping | None = None,
+    frame: Mapping[sp.Symbol, sp.Expr] | None = None,
+    law: str | sp.Expr = VISCOUS,
+    mu: Strength | None = None,
+    normal: Strength | None = None,
+) -> FrictionSystem | DryFrictionSystem:
+    """The system with friction in place of constraints: viscous, or dry in contacts that bear mu N at most.
+
+    Viscous friction has the Rayleigh function |A qdot + c|^2_B/(2 epsilon).
     `damping` is B, symmetric and positive definite: a number, or a matrix of parameters and positions; the
     identity by default, with which the friction depends on how the constraints are scaled; or "kinetic" for
     B = (A M^-1 A^T)^-1, with which it does not (footnote 3 of Eldering 2015).
     `constraints` and `frame` are as for `constrain`; slip velocities are called w, or w1,
-    w2, ..., unless named there. Raises `DeclarationError` for what `constrain` refuses, for a Lagrangian that
-    is not quadratic in the velocities, and for a B that is no damping.
+    w2, ..., unless named there.
+
+    With `law="coulomb"` each constraint is the slip of a contact with the force -mu N phi(w/epsilon), `mu` and
+    `normal` N for all or a list with one for each, of parameters and positions; phi(r) = r/sqrt(1 + r^2). A pair of
+    constraints in the list is the slip of one contact in a plane, whose cone is elliptic where its mu is a pair. `law`
+    may also name another phi, "linear", "cubic", "tanh", "algebraic" or "atan", or be an expression in one symbol,
+    such as Stribeck's.
+    This gives a `DryFrictionSystem`, whose `no_slip(start=..., span=...)` answers whether the constraints hold.
+
+    Raises `DeclarationError` for what `constrain` refuses, for a Lagrangian that
+    is not quadratic in the velocities, for a B that is no damping, and for contacts that are none.
 
     >>> x, xdot, m, eps = sp.symbols("x xdot m epsilon")
     >>> y, ydot = sp.symbols("y ydot")
     >>> cart = LagrangianSystem(m*(xdot**2 + ydot**2)/2 - x*y, [x, y], [xdot, ydot], parameters={m: 2})
     >>> with_friction(cart, [ydot], epsilon=eps).field.rates
     (xdot, w, -y/m, -x/m - w/(epsilon*m))
+    >>> with_friction(cart, [ydot], epsilon=eps, law="tanh", mu=0.5, normal=20).field.rates[3]
+    -x/m - 10*tanh(w/epsilon)/m
     """
     if not isinstance(system, LagrangianSystem):
         raise DeclarationError("with_friction takes a LagrangianSystem.", got=type(system).__name__)
@@ -320,7 +231,27 @@ def with_friction(
             f"the Lagrangian is not quadratic in the velocities: L = {system.lagrangian}.",
             "The slow momenta of the friction limit need a kinetic metric; `constrain` does without.",
         )
-    forms = read_constraints(system, constraints)
+    is_viscous = isinstance(law, str) and law == VISCOUS
+    wrong = {"mu": mu, "normal": normal} if is_viscous else {"damping": damping}
+    for name, value in wrong.items():
+        if value is not None:
+            raise DeclarationError(
+                f"{name} belongs to {'dry' if is_viscous else 'viscous'} friction.",
+                'Dry friction takes law="coulomb", mu and normal; viscous friction takes damping.',
+                got=f"{name} = {shown(value)}",
+            )
+    if not is_viscous:
+        phi = switch_law("algebraic" if isinstance(law, str) and law == COULOMB else law)
+        flat, rows = grouped(constraints)
+        forms = read_constraints(system, flat)
+        contacts = read_contacts(system, rows, mu, normal)
+        adapted = moving_frame(system, forms, frame, reserved=(epsilon,))
+        strengths = [e for contact in contacts for e in (*contact.mu, contact.normal)]
+        equations = hamel(system, adapted, tuple(strengths))
+        return DryFrictionSystem(
+            ConstrainedSystem(system, forms.expressions, adapted, equations), epsilon, phi, contacts
+        )
+    forms = read_constraints(system, cast("Constraints", constraints))
     is_kinetic = isinstance(damping, str) and damping == KINETIC
     matrix = None if is_kinetic else read_damping(system, damping, forms.count)
     adapted = moving_frame(system, forms, frame, reserved=(epsilon,))

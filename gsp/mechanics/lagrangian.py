@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
@@ -12,6 +13,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers
 from gsp.systems.flow import Values
@@ -21,6 +23,16 @@ from gsp.systems.system import VectorField
 SINGULAR = 1e-11
 
 
+@dataclass(frozen=True)
+class HeldMotion:
+    """Accelerations (n,), `mobility` (n, n), which maps further forces to what they add, and `tension` (h,), the
+    multipliers of the holonomic constraints with a minus sign, in elements of an algebra."""
+
+    accelerations: list[RingElement]
+    mobility: Matrix
+    tension: list[RingElement]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LagrangianSystem:
     """A system with Lagrangian L(q, qdot, t) and forces F(q, qdot, t): d/dt L_qdot - L_q = F, equation (5).
@@ -28,8 +40,11 @@ class LagrangianSystem:
     `coordinates` and `velocities` are plain symbols, in the same order; `forces` maps coordinates to the force
     along them, friction included, for those that have one; `parameters` gives every other symbol its value,
     `time` names time when L or F depends on it. Angles enter through sin and cos.
+    `holonomic` are functions of the coordinates that are zero all the time, by d'Alembert's principle (Remark 2.4):
+    the length of a rod, or that of the quaternion of a `rotation`.
 
-    Raises `DeclarationError` for symbols without a role and for a degenerate mass matrix L_qdot,qdot.
+    Raises `DeclarationError` for symbols without a role, for a mass matrix L_qdot,qdot that is degenerate along the
+    holonomic constraints, and for such constraints that depend on one another.
 
     >>> x, xdot, m, k = sp.symbols("x xdot m k")
     >>> spring = LagrangianSystem(m*xdot**2/2 - k*x**2/2, [x], [xdot], parameters={m: 2, k: 3})
@@ -44,6 +59,7 @@ class LagrangianSystem:
     forces: Values | None = None
     parameters: Values | None = None
     time: sp.Symbol | None = None
+    holonomic: Sequence[sp.Expr] = ()
     name: str = ""
     _right: tuple[sp.Expr, ...] = field(init=False)
     _mass: sp.ImmutableMatrix = field(init=False)
@@ -70,6 +86,7 @@ class LagrangianSystem:
         object.__setattr__(self, "lagrangian", lagrangian)
         forces = self._given_forces()
         object.__setattr__(self, "forces", MappingProxyType(forces))
+        object.__setattr__(self, "holonomic", self._given_holonomic())
         gradient = [sp.diff(lagrangian, u) for u in v]
         mass = sp.ImmutableMatrix([[sp.expand(sp.diff(p, u)) for u in v] for p in gradient])
         right = []
@@ -126,14 +143,18 @@ class LagrangianSystem:
         return VectorField(rates, epsilon=None, parameters=self.values, name=self.name)
 
     def energy_rate(self) -> sp.Expr:
-        """dH/dt along Lagrange's equations, exactly; 0 without forces and explicit time (Theorem 1.3)."""
+        """dH/dt along Lagrange's equations, exactly; 0 without forces and explicit time (Theorem 1.3).
+
+        Of the forces that hold the holonomic constraints nothing is counted, as they do no work on these.
+        """
         algebra, ring = self.algebra, self.algebra.ring
         energy = algebra.read(self.raw_energy)
         # Derivation 0 is d/dt at constant velocity, derivation 1 + i that by velocity i.
         rate = ring.derive(energy, 0)
         for i, acceleration in enumerate(self.accelerations):
             rate = rate + ring.derive(energy, 1 + i) * acceleration
-        return algebra.write(rate)
+        power = [self._motion.tension[j] * form for j, form in enumerate(self._held_velocities(algebra))]
+        return algebra.write(sum(power, rate))
 
     # -- for the stages that follow ----------------------------------------------------------------
 
@@ -168,7 +189,7 @@ class LagrangianSystem:
 
         Derivation 0 is d/dt at constant velocity, derivation 1 + i the one by velocity i.
         """
-        expressions = [self.lagrangian, *entries(self._mass), *self._right, *further]
+        expressions = [self.lagrangian, *entries(self._mass), *self._right, *self.holonomic, *further]
         algebra = Algebra(
             (*self.coordinates, *self.velocities, *self.clock),
             tuple(self.values),
@@ -186,7 +207,54 @@ class LagrangianSystem:
     @cached_property
     def accelerations(self) -> list:
         """qddot as elements of `algebra`."""
-        return self.algebra.apply(self._inverse_mass, [self.algebra.read(r) for r in self._right])
+        return self._motion.accelerations
+
+    @cached_property
+    def holonomic_forms(self) -> sp.ImmutableMatrix:
+        """The gradients (h, n) of the holonomic constraints: what is zero of the velocities."""
+        n = len(self.coordinates)
+        return sp.ImmutableMatrix(
+            len(self.holonomic), n, [derivative(F, q) for F in self.holonomic for q in self.coordinates]
+        )
+
+    def motion(self, algebra: Algebra) -> HeldMotion:
+        """The accelerations on the holonomic constraints, what a force adds to them, and what holds them.
+
+        [[M, A^T], [A, 0]] (qddot, tension) = (R, -A' qdot), A the holonomic forms.
+        """
+        n, A = len(self.coordinates), algebra.matrix(self.holonomic_forms)
+        rows = [[*row, *(a[i] for a in A)] for i, row in enumerate(algebra.matrix(self._mass))]
+        zeros = [algebra.ring.zero] * len(A)
+        inverse = algebra.inverse([*rows, *([*a, *zeros] for a in A)])
+        carried = algebra.derive(self._held_velocities(algebra), 0)
+        found = algebra.apply(inverse, [*(algebra.read(r) for r in self._right), *(-c for c in carried)])
+        return HeldMotion(found[:n], [row[:n] for row in inverse[:n]], found[n:])
+
+    def _held_velocities(self, algebra: Algebra) -> list:
+        velocities = [algebra.ring.generator(v) for v in self.velocities]
+        return algebra.apply(algebra.matrix(self.holonomic_forms), velocities)
+
+    def check_holonomic(self, values: Mapping[str, float]) -> None:
+        """Raise `DeclarationError` where positions, or velocities, by name violate a holonomic constraint.
+
+        They may do so by what half of a double's digits leave of its terms.
+        """
+        v = self.velocities if all(u.name in values for u in self.velocities) else ()
+        forms = self.holonomic_forms
+        conditions = [(F, self.coordinates, forms.row(i)) for i, F in enumerate(self.holonomic)]
+        if v:
+            conditions += [((row * sp.Matrix(v))[0], v, row) for row in map(forms.row, range(forms.rows))]
+        symbols = (*self.coordinates, *v)
+        point = np.array([[values[s.name] for s in symbols]])
+        for condition, among, slopes in conditions:
+            value, *rates = numbers([condition, *slopes], symbols, point, self.values).ravel()
+            size = sum(abs(rate * values[s.name]) for rate, s in zip(rates, among))
+            if not abs(value) <= math.sqrt(np.finfo(float).eps) * size:
+                raise DeclarationError(
+                    f"the start violates the holonomic constraint {condition} = 0: it is {value:.6g} there.",
+                    "Give positions and velocities that obey it.",
+                    got=", ".join(f"{s} = {values[s.name]:.6g}" for s in among),
+                )
 
     def checked(self, expression: sp.Expr, what: str) -> sp.Expr:
         """`expression` with exact numbers; raises `DeclarationError` for symbols that have no role here."""
@@ -199,8 +267,8 @@ class LagrangianSystem:
         return sp.Add(*[p * v for p, v in zip(momenta, self.velocities)]) - self.lagrangian
 
     @cached_property
-    def _inverse_mass(self) -> Matrix:
-        return self.algebra.inverse(self.algebra.matrix(self._mass))
+    def _motion(self) -> HeldMotion:
+        return self.motion(self.algebra)
 
     def _checked(self, expression: sp.Expr, what: str, parameters: Values) -> tuple[sp.Expr, Values]:
         functions = expression.atoms(AppliedUndef) if isinstance(expression, sp.Expr) else ()
@@ -234,17 +302,36 @@ class LagrangianSystem:
             for x in self.coordinates
         }
 
+    def _given_holonomic(self) -> tuple[sp.Expr, ...]:
+        given = self.holonomic
+        if isinstance(given, (str, sp.Basic)) or not isinstance(given, Iterable):
+            raise DeclarationError("holonomic is a sequence of expressions.", got=f"{given!r}", value=given)
+        found = tuple(self.checked(F, f"holonomic constraint {i + 1}") for i, F in enumerate(given))
+        for F in found:
+            if F.has(*self.velocities, *self.clock) or not F.has(*self.coordinates):
+                raise DeclarationError(
+                    f"the holonomic constraint {F} = 0 is not one on the coordinates alone.",
+                    "Constraints on velocities go to `constrain` or `with_friction`.",
+                )
+        return found
+
     def _refuse_degenerate(self) -> None:
         fact = f"the mass matrix L_qdot,qdot is degenerate: {self._mass.tolist()} for L = {self.lagrangian}"
         remedy = "Give every velocity a kinetic energy, or leave out the coordinate that has none."
+        if self.holonomic:
+            listed = ", ".join(f"{F} = 0" for F in self.holonomic)
+            fact = f"with the holonomic constraints {listed} {fact}"
+            remedy += " Constraints must not depend on one another either."
         try:
-            self._inverse_mass  # noqa: B018 - inverting is the exact test
+            self._motion  # noqa: B018 - inverting is the exact test
         except HyperbolicityError:
             raise DeclarationError(f"{fact}.", remedy) from None
         symbols = (*self.coordinates, *self.velocities, *self.clock)
         points = generic_points(3, len(symbols))
-        n = len(self.velocities)
-        matrices = numbers(entries(self._mass), symbols, points, self.values).reshape(-1, n, n)
+        A = self.holonomic_forms
+        bordered = self._mass.row_join(A.T).col_join(A.row_join(sp.zeros(A.rows, A.rows)))
+        n = bordered.rows
+        matrices = numbers(entries(bordered), symbols, points, self.values).reshape(-1, n, n)
         if all(is_singular(matrix) for matrix in matrices):
             listed = ", ".join(f"{s} = {value}" for s, value in self.values.items())
             raise DeclarationError(f"{fact}, at the parameters' values {listed}.", remedy)
@@ -257,6 +344,7 @@ class LagrangianSystem:
         lines = [self.name or "Lagrangian system", f"  L = {self.lagrangian}"]
         assert self.forces is not None
         lines += [f"  force along {x}: {force}" for x, force in self.forces.items() if force != 0]
+        lines += [f"  {F} = 0" for F in self.holonomic]
         if self.values:
             lines.append("  with " + ", ".join(f"{s} = {value}" for s, value in self.values.items()))
         return "\n".join(lines)
@@ -273,6 +361,7 @@ class LagrangianSystem:
             tuple(self.forces.items()),
             tuple(self.values.items()),
             self.time,
+            self.holonomic,
             self.name,
         )
 

@@ -16,12 +16,16 @@ from gsp.mechanics.lagrangian import SINGULAR, LagrangianSystem
 
 @dataclass(frozen=True)
 class VelocityForms:
-    """`expressions` = `matrix` qdot + `offset`, k of them; `names` where the user gave some."""
+    """`expressions` = `matrix` qdot + `offset`, k of them; `names` where the user gave some.
+
+    `rows` (k + h, n) are `matrix` and, behind it, the forms of the system's holonomic constraints.
+    """
 
     expressions: tuple[sp.Expr, ...]
     matrix: sp.ImmutableMatrix
     offset: tuple[sp.Expr, ...]
     names: tuple[sp.Symbol | None, ...]
+    rows: sp.ImmutableMatrix
 
     @property
     def count(self) -> int:
@@ -70,7 +74,7 @@ def read_constraints(
             )
         given = tuple(constraints)
         names = (None,) * len(given)
-    if not given:
+    if not given and not system.holonomic:
         raise DeclarationError(
             "there is no constraint.", "Use LagrangianSystem.euler_lagrange() without any.", got="[]"
         )
@@ -85,12 +89,15 @@ def read_constraints(
             )
         rows.append(coefficients)
         offset.append(rest)
-    forms = VelocityForms(tuple(given), sp.ImmutableMatrix(rows), tuple(offset), names)
-    _refuse_dependent(system, forms)
     n = len(system.velocities)
-    if len(given) >= n:
+    matrix = sp.ImmutableMatrix(len(rows), n, [a for row in rows for a in row])
+    held = system.holonomic_forms
+    forms = VelocityForms(tuple(given), matrix, tuple(offset), names, sp.ImmutableMatrix(matrix.col_join(held)))
+    _refuse_dependent(system, forms)
+    if len(given) + held.rows >= n:
         raise DeclarationError(
-            f"{len(given)} constraints on {n} velocities leave no motion: {', '.join(map(str, given))}.",
+            f"{len(given) + held.rows} constraints on {n} velocities leave no motion: "
+            f"{', '.join(map(str, (*given, *system.holonomic)))}.",
             "Give fewer constraints than coordinates.",
         )
     return forms
@@ -99,7 +106,7 @@ def read_constraints(
 def _refuse_dependent(system: LagrangianSystem, forms: VelocityForms) -> None:
     n = len(system.coordinates)
     points = generic_points(3, n)
-    matrices = numbers(entries(forms.matrix), system.coordinates, points, system.values).reshape(3, -1, n)
+    matrices = numbers(entries(forms.rows), system.coordinates, points, system.values).reshape(3, -1, n)
     kept: list[int] = []
     for i in range(forms.count):
         wider = [*kept, i]
@@ -107,6 +114,12 @@ def _refuse_dependent(system: LagrangianSystem, forms: VelocityForms) -> None:
             kept.append(i)
             continue
         raise DeclarationError(_dependence(system, forms, kept, i, matrices[0]))
+    if max(rank(matrix) for matrix in matrices) < forms.rows.rows:
+        listed = ", ".join(f"{F} = 0" for F in system.holonomic)
+        raise DeclarationError(
+            f"the constraints {', '.join(map(str, forms.expressions))} depend on the holonomic ones {listed}.",
+            "Leave out what these say already.",
+        )
 
 
 def _dependence(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _SCENES = {
     "chaplygin_sleigh": ("nonholonomic", "Chaplygin sleigh: no slip as the limit of strong friction"),
     "sleigh_from_lagrangian": ("sliding", "Sleigh from its Lagrangian: spinning turned into motion ahead"),
+    "sled": ("sliding", "Sled: a blade with dry friction, which holds until it lets go"),
     "knife_edge": ("sliding", "Knife edge on an incline: a cycloid across the slope, and a creep down it"),
     "nonholonomic_particle": ("sliding", "Nonholonomic particle: z' = y x' and its catenary"),
     "rolling_disc": ("rolling", "Rolling disc: circles, and spirals when it slips"),

@@ -6,7 +6,7 @@ from functools import cache
 
 import sympy as sp
 
-from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
+from gsp.mechanics import FrictionSystem, LagrangianSystem, rotation, with_friction
 from gsp.models.plane import FORWARD, LECTURE, SIDEWAYS, epsilon, m, phi, phidot, x, xdot, y, ydot
 from gsp.scenes.scene import Scene
 
@@ -60,28 +60,21 @@ def rolling_disc() -> Scene:
     )
 
 
-def _rotation(angles: tuple, rates: tuple) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """Angular velocity in space by Euler angles z-x-z: singular where sin(beta) = 0."""
-    (alpha, beta, _), (first, second, third) = angles, rates
-    return (
-        second * sp.cos(alpha) + third * sp.sin(beta) * sp.sin(alpha),
-        second * sp.sin(alpha) - third * sp.sin(beta) * sp.cos(alpha),
-        first + third * sp.cos(beta),
-    )
-
-
 def _ball(turn: sp.Symbol | None, name: str) -> FrictionSystem:
     """A homogeneous ball on a plane at rest, or on a table that turns at the rate `turn`."""
-    angles, rates = sp.symbols("alpha beta gamma"), sp.symbols("alphadot betadot gammadot")
+    turned = rotation("q")
     J, *names = sp.symbols("J omega_x omega_y omega_z")
-    spin = _rotation(angles, rates)
+    spin = turned.space
     kinetic = m * (xdot**2 + ydot**2) / 2 + J * sum(w**2 for w in spin) / 2
     parameters = {m: sp.Integer(1), J: sp.Rational(2, 5), R: sp.Integer(1)}
     slips = [xdot - R * spin[1], ydot + R * spin[0]]
     if turn is not None:
         parameters[turn] = sp.Integer(3)
         slips = [slips[0] + turn * y, slips[1] - turn * x]
-    system = LagrangianSystem(kinetic, [x, y, *angles], [xdot, ydot, *rates], parameters=parameters, name=name)
+    system = LagrangianSystem(
+        kinetic, [x, y, *turned.coordinates], [xdot, ydot, *turned.velocities],
+        parameters=parameters, holonomic=[turned.holonomic], name=name,
+    )  # fmt: skip
     return with_friction(
         system, dict(zip(sp.symbols("s1 s2"), slips)), epsilon=epsilon, frame=dict(zip(names, spin))
     )
@@ -89,7 +82,7 @@ def _ball(turn: sp.Symbol | None, name: str) -> FrictionSystem:
 
 @cache
 def rolling_ball_with_friction() -> FrictionSystem:
-    """A ball on a plane over Euler angles, with its angular velocity in space for its frame."""
+    """A ball on a plane over quaternions, with its angular velocity in space for its frame."""
     return _ball(None, "rolling_ball")
 
 
@@ -110,7 +103,7 @@ def rolling_ball() -> Scene:
         # Thrown with the velocity (1, 0) and so much spin that (0.2, -0.9) remains.
         start={
             **{"omega_x": 3.15, "omega_y": -1.8, "omega_z": 0.5, "s1": 2.8, "s2": 3.15},
-            **{"x": 0, "y": 0, "alpha": 0, "beta": 1, "gamma": 0},
+            **{"x": 0, "y": 0, "q0": 1},
         },
         span=(0, 1.5),
         epsilon=0.3,
@@ -147,7 +140,7 @@ def ball_on_turntable() -> Scene:
         },
         start={
             **{"x": 1, "y": 0, "omega_x": 2, "omega_y": 0, "omega_z": 0.5, "s1": 0, "s2": 0},
-            **{"alpha": 0, "beta": 1, "gamma": 0},
+            **{"q0": 1},
         },
         span=(0, 8),
         epsilon=0.05,

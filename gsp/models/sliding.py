@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import sympy as sp
@@ -9,6 +10,7 @@ import sympy as sp
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
 from gsp.models.plane import FORWARD, LECTURE, SIDEWAYS, epsilon, m, phi, phidot, x, xdot, y, ydot
 from gsp.scenes.scene import Scene
+from gsp.scenes.switched import in_fast_variables
 
 z, zdot = sp.symbols("z zdot")
 v, omega = sp.symbols("v omega")
@@ -53,6 +55,48 @@ def sleigh_from_lagrangian() -> Scene:
             "motion ahead; with friction in place of the constraint it slips outwards and loses energy."
         ),
     )
+
+
+def sled() -> Scene:
+    """The sleigh of mass and moment 1 on a blade that bears mu N, N = 9: it sticks while |v omega| < mu N (1 + a^2).
+
+    The constrained sleigh keeps v^2 + (1 + a^2) omega^2 = c^2, and asks for most where both terms are c^2/2. So the
+    blade never lets go while c^2 < 2 mu N (1 + a^2)^(3/2), 1.909 here: pushed backwards at 1.2 it turns round and
+    glides away; at 1.5 it lets go after 2.9785635. `share` is what is asked of what it bears.
+
+    Source: J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" (2015), section 4,
+    with dry friction, smoothed by tanh, in place of viscous friction.
+    """
+    a, mu, share = sp.symbols("a mu share")
+    body = LagrangianSystem(
+        (xdot**2 + ydot**2) / 2 + (1 + a**2) * phidot**2 / 2 + a * phidot * SIDEWAYS,
+        [x, y, phi],
+        [xdot, ydot, phidot],
+        parameters={a: sp.Rational(1, 5), mu: sp.Rational(1, 10)},
+        name="sled",
+    )
+    friction = with_friction(
+        body, [SIDEWAYS], epsilon=epsilon, frame={v: FORWARD, omega: phidot}, law="tanh", mu=mu, normal=9
+    )
+    # In the variables in which the slip is fast, so that its bounds are those of v1 = w/epsilon.
+    scene, _ = in_fast_variables(
+        friction.scene(
+            region={"v": (-1.25, -1.0), "omega": (0.25, 0.6)},
+            start={"v": -1.2, "omega": 0.3, "w": 0, "x": 0, "y": 0, "phi": 0.1},
+            span=(0, 3),
+            epsilon=0.01,
+            epsilons=(0.004, 0.002, 0.001, 0.0005),
+            tolerance=1e-4,
+            path=("x", "y"),
+            source=f"{LECTURE}, section 4, with dry friction",
+            description=(
+                "A sled rests on one blade, which friction holds against sideways slip as long as it is asked for less "
+                "than it bears. Pushed backwards it turns round; pushed too hard, its blade lets go in the turn."
+            ),
+            observables={share: sp.Abs(v * omega) / (9 * mu * (1 + a**2))},
+        )
+    )
+    return replace(scene, region={**scene.region, "v1": (-0.5, 2)})
 
 
 @cache

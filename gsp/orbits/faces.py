@@ -1,12 +1,17 @@
-"""Charts and tables of the nouns of this package."""
+"""Charts and tables of the nouns of this package, and what a sweep records of its verbs."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from gsp.errors import Status
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
 from gsp.orbits.periodic.family import OrbitFamily
+from gsp.orbits.periodic.finding import periodic_orbit
 from gsp.orbits.periodic.orbit import PeriodicOrbit
+from gsp.results.point_verbs import Record, records
 from gsp.results.registry import Makers, charts, tables
 from gsp.results.table import (
     Column,
@@ -19,6 +24,7 @@ from gsp.results.table import (
     scalars,
     texts,
 )
+from gsp.scenes.study import Study
 
 
 @tables.of(CanardOrbits)
@@ -86,6 +92,22 @@ def _table_of_orbit_family(family: OrbitFamily) -> Table:
     variables |= complexes(which, (orbit, which), np.array([o.multipliers for o in family.orbits]))
     attributes = {"status": family.status.name, "message": family.message, "parameter": family.parameter}
     return Table("OrbitFamily", coordinates, variables, attributes, (orbit,))
+
+
+@records("periodic_orbit", codes={"ending": tuple(status.name for status in Status)})
+def _record_of_periodic_orbit(
+    study: Study, epsilon: float, tolerance: float, *, period: float | None = None, backward: bool = False
+) -> Record:
+    scene = study.scene
+    system, start = (study.system, study.start) if scene.has_small else (scene.system, scene.start)
+    orbit = periodic_orbit(system, start=start, epsilon=epsilon, period=period, backward=backward)
+    return {
+        "ending": orbit.status,
+        "period": orbit.period,
+        "period_error": orbit.period_error,
+        "largest_multiplier": max(map(abs, orbit.multipliers[1:]), default=math.nan),
+        "divergence": orbit.divergence,
+    }
 
 
 @charts.late

@@ -164,14 +164,16 @@ class BallFunction(BallProgram):
     def _product(self, expression: Any) -> int:
         above, below = _fraction(expression) if expression.has(sp.exp) else expression.as_numer_denom()
         if below != 1 and above != expression:
-            return self._operation(balls.quotient, self._written(above), self._written(below))
+            one, two = self._written(above), self._written(below)
+            # Nothing is lost by a constant.
+            exact = self._registers[two] is not None
+            return self._operation(operator.truediv if exact else balls.quotient, one, two)
         coefficient, rest = expression.as_coeff_Mul()
         if coefficient == -1:
             return self._operation(balls.negative, self._written(rest))
         places = [self._written(factor) for factor in expression.args]
         product = places[0]
         for place in places[1:]:
-            # Nothing is lost by a constant, as nothing is by a sum.
             exact = self._registers[product] is not None or self._registers[place] is not None
             product = self._operation(operator.mul if exact else balls.product, product, place)
         return product
@@ -189,7 +191,7 @@ class BallFunction(BallProgram):
 
 def _bounded(expression: sp.Expr) -> sp.Expr:
     """With functions that are finite over wide balls: sech(u) for 1/cosh(u), tanh(u) for sinh(u)/cosh(u), and the
-    logistic function L(u) for 1/(1 + exp(u)), L(-u) for exp(u) L(u).
+    logistic function L(u) for 1/(1 + exp(u)), L(-u) for exp(u) L(u). Sums of exp(u) and exp(-u) are cosh and sinh.
     """
 
     def reciprocal(power: sp.Pow) -> sp.Expr:
@@ -214,8 +216,25 @@ def _bounded(expression: sp.Expr) -> sp.Expr:
                     product *= _Logistic(-u) * sp.exp(factor.args[0] - u) / (function * factor)
         return product
 
-    found = expression.replace(lambda e: e.is_Pow and e.exp.is_Integer and e.exp.is_negative, reciprocal)
+    found = expression.replace(lambda e: e.is_Add and len(e.args) == 2 and e.has(sp.exp), _hyperbolic)
+    found = found.replace(lambda e: e.is_Pow and e.exp.is_Integer and e.exp.is_negative, reciprocal)
     return found.replace(lambda e: e.is_Mul and e.has(sp.sech, _Logistic), joined)
+
+
+def _hyperbolic(total: sp.Add) -> sp.Expr:
+    """a exp(u) + b exp(c - u) as 2 (a b)^(1/2) exp(c/2) cosh(u - c/2 + log(a/b)/2), a difference as sinh."""
+    (a, first), (b, second) = (term.as_coeff_Mul() for term in total.args)
+    if first.func is not sp.exp or second.func is not sp.exp or (a.is_negative and b.is_negative):
+        return total
+    u, v = first.args[0], second.args[0]
+    both = sp.expand(u + v)
+    if not (a.is_Rational and b.is_Rational and both.is_number):
+        return total
+    size = 2 * sp.sqrt(abs(a * b)) * sp.exp(both / 2)
+    w = sp.expand((u - v) / 2) + sp.log(abs(a / b)) / 2
+    if a.is_positive and b.is_positive:
+        return size * sp.cosh(w)
+    return size * sp.sinh(w) if a.is_positive else -size * sp.sinh(w)
 
 
 def _fraction(product: sp.Expr) -> tuple[sp.Expr, sp.Expr]:

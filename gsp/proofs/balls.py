@@ -174,6 +174,4 @@ def cos(ball: arb) -> arb:
 
 
 def _within_one(value: arb, ball: arb) -> arb:
-    if not ball.is_finite():
-        return UNDEFINED
-    return value.intersection(hull(-1.0, 1.0)) if value.is_finite() else hull(-1.0, 1.0)
+    return value.intersection(hull(-1.0, 1.0)) if ball.is_finite() else UNDEFINED

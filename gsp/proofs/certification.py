@@ -63,7 +63,7 @@ def certify_branch(
         equations, slow = limit_equations(branch, names)
         start = point_over(branch, equations, box, fast)
         covering = _covered(equations, box, start, most_boxes, progress)
-        problem = _Problem(
+        problem = _BoxProblem(
             branch,
             equations,
             slow,
@@ -78,7 +78,7 @@ def certify_branch(
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _BoxProblem:
     """What is asked: over `box`, rounded outwards; `within` is the region rounded inwards, for witnesses."""
 
     branch: Branch
@@ -114,7 +114,7 @@ def _covered(
     return cover(equations, box, near, most_boxes=most_boxes, progress=progress)
 
 
-def _judged(problem: _Problem, covering: Covering) -> Certificate:
+def _judged(problem: _BoxProblem, covering: Covering) -> Certificate:
     names = [s.name for s in problem.equations.arguments]
     pieces = covering.pieces
     certificate = Certificate(
@@ -142,7 +142,7 @@ def _judged(problem: _Problem, covering: Covering) -> Certificate:
     return replace(certificate, is_interrupted=True)
 
 
-def _decided(problem: _Problem, covering: Covering, certificate: Certificate) -> Certificate:
+def _decided(problem: _BoxProblem, covering: Covering, certificate: Certificate) -> Certificate:
     equations, epsilon = problem.equations, problem.epsilon
     left = covering.undecided
     failed = [] if left else glue(equations, covering)
@@ -186,7 +186,7 @@ def _decided(problem: _Problem, covering: Covering, certificate: Certificate) ->
     return replace(certificate, reason=_why(problem, covering, failed))
 
 
-def _is_inside(problem: _Problem, witness: Witness) -> bool:
+def _is_inside(problem: _BoxProblem, witness: Witness) -> bool:
     """Whether the region's bounds on fast variables, and its states, leave the witness in it."""
     equations = problem.equations
     sides = np.array([witness.box[s.name] for s in equations.x])
@@ -202,7 +202,7 @@ def _is_inside(problem: _Problem, witness: Witness) -> bool:
     return bool(Sampler(problem.branch).inside(np.concatenate([x[:nx], y])[None, :], problem.region)[0])
 
 
-def _as_end(problem: _Problem, witness: Witness) -> Witness | None:
+def _as_end(problem: _BoxProblem, witness: Witness) -> Witness | None:
     """What a witness outside the region says of it: the sheet ends at a fold, and is no graph over the slow variables.
 
     A change of type out there says nothing; nor does a fold that no state of the region goes to.
@@ -241,7 +241,7 @@ def _suspects(covering: Covering, failed: list[Box], start: np.ndarray) -> list[
     return found[::step][:SUSPECTS]
 
 
-def _why(problem: _Problem, covering: Covering, failed: list[Box]) -> str:
+def _why(problem: _BoxProblem, covering: Covering, failed: list[Box]) -> str:
     undefined = _undefined(problem, covering)
     if undefined:
         return undefined
@@ -254,7 +254,7 @@ def _why(problem: _Problem, covering: Covering, failed: list[Box]) -> str:
     return "the boxes are proved, but not that they hold the point at which the branch was found"
 
 
-def _undefined(problem: _Problem, covering: Covering) -> str:
+def _undefined(problem: _BoxProblem, covering: Covering) -> str:
     """Which part of the field or of the graph is not defined all over a small box that is left, and where."""
     equations, whole = problem.equations, covering.root.box
     left = sorted(

@@ -22,11 +22,6 @@ from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import Spectrum, spectrum_of
 from gsp.proofs.tubes import Box, RootTube, enclose, middle_of
 
-# A part with a loss in sight is not cut below this share of a side: its undecided rest is a surface of losses, and
-# every further halving doubles or quadruples the parts (certificates measured: 14 times as many for two halvings).
-LOSS_IN_SIGHT = 2.0**-7
-# Corners of a box that are looked at.
-MOST_CORNERS = 64
 # A side this many units in the last place wide is a point: nothing is gained by cutting it.
 THIN = 8
 # A doubling of the budget is worth another when it decided so much of what was left.
@@ -235,7 +230,10 @@ def _axis(
     if not sides:
         return None, middle
     widest = max(sides, key=lambda i: width[i] / whole[i])
-    small = width[widest] / whole[widest] <= LOSS_IN_SIGHT
+    # A part with a loss in sight is not cut below this share of a side: its undecided rest is a surface of
+    # losses, and every further halving doubles or quadruples the parts (certificates measured: 14 times as many
+    # for two halvings).
+    small = width[widest] / whole[widest] <= 2.0**-7
     root = equations.root(middle, near)
     seen = None if root is None else _variation(equations, middle, root, width, sides)
     if root is None or seen is None:
@@ -274,7 +272,8 @@ def _suspect(equations: EnclosedEquations, box: Box, root: np.ndarray, slope: np
     """A corner where the branch seems to have ended, or to be of another type than in the middle: by doubles."""
     middle = middle_of(box)
     count = _unstable(equations.nearby(middle[None], root[None])[0][0])
-    for corner in itertools.islice(itertools.product(*box), MOST_CORNERS):
+    # Corners of a box that are looked at.
+    for corner in itertools.islice(itertools.product(*box), 64):
         x = np.array(corner)
         y = equations.root(x, root + slope @ (x - middle))
         if y is None or _unstable(equations.nearby(x[None], y[None])[0][0]) != count:

@@ -77,3 +77,22 @@ def decay(matrix: Matrix, block: list[int], sign: int) -> int:
         least = row if least is None else min(least, row)
     assert least is not None
     return least >> 1
+
+
+def symmetric(w: Matrix, q: list[int], side: int, i: int, j: int) -> Interval:
+    """Twice the entry of s (W^T Q + Q W), q being twice the diagonal of Q and s = `side`."""
+    return ia.add(_times(w[j][i], q[j] * side), _times(w[i][j], q[i] * side))
+
+
+def _times(a: Interval, factor: int) -> Interval:
+    return (a[0] * factor, a[1] * factor) if factor >= 0 else (a[1] * factor, a[0] * factor)
+
+
+def up(product: int) -> int:
+    """A product of two whole numbers in units of 2^-192, in units of 2^-96, rounded up."""
+    return -(-product >> ia.SHIFT)
+
+
+def down(product: int) -> int:
+    """The same rounded down."""
+    return product >> ia.SHIFT

@@ -162,18 +162,18 @@ def log(a: Interval) -> Interval:
 
 
 def _log(x: int) -> Interval:
-    # log x = y + log(1 + u), 1 + u = x exp(-y), with y the double nearest to log x and u of the order of rounding.
-    shift = x.bit_length() - 60
-    rough = math.log(x >> shift if shift > 0 else x << -shift) + (shift - SHIFT) * math.log(2.0)
-    y = of(Fraction(rough))
-    u = subtract(multiply((x, x), exp(negative(y))), UNIT)
+    # log x = k log 2 + y + log(1 + u), x = 2^k m, 1 + u = m exp(-y), with y the double nearest to log m and u of the
+    # order of rounding.
+    k = x.bit_length() - SHIFT
+    m = (x >> k, -(-x >> k)) if k >= 0 else (x << -k, x << -k)
+    y = of(Fraction(math.log(m[0] / ONE)))
+    u = subtract(multiply(m, exp(negative(y))), UNIT)
     if magnitude(u) > ONE >> 8:
         raise OutOfDomain("a logarithm that was not found")
-    # log(1 + u) = u - u^2/2 + r, |r| <= |u|^3 for |u| <= 1/2.
-    square = multiply(u, u)
-    cube = magnitude(multiply(square, u)) + 1
-    value = subtract(u, (square[0] >> 1, -(-square[1] >> 1)))
-    return add(y, (value[0] - cube, value[1] + cube))
+    low, high = sorted((k * LOG_2, k * (LOG_2 + 1)))
+    twos = low >> (FINE - SHIFT), -(-high >> (FINE - SHIFT))
+    # u - u^2 <= log(1 + u) <= u for |u| <= 1/2.
+    return add(twos, add(y, (u[0] - multiply(u, u)[1], u[1])))
 
 
 def tanh(a: Interval) -> Interval:
@@ -220,8 +220,9 @@ def cos(a: Interval) -> Interval:
 
 
 def _wave(a: Interval, quarter: int) -> Interval:
+    # The middle is rounded down, away from the upper end.
     middle = (a[0] + a[1]) >> 1
-    radius = max(a[1] - middle, middle - a[0])
+    radius = a[1] - middle
     if radius >= 4 * ONE:
         return -ONE, ONE
     low, high = _sin_at(middle, quarter)
@@ -283,15 +284,15 @@ def _atan(x: int) -> Interval:
     u = divide(subtract(number, tangent), add(UNIT, multiply(number, tangent)))
     if magnitude(u) > ONE >> 8:
         raise OutOfDomain("an inverse tangent that was not found")
-    cube = magnitude(multiply(multiply(u, u), u)) + 1
+    cube = magnitude(multiply(multiply(u, u), u))
     return add(y, (u[0] - cube, u[1] + cube))
 
 
 def _machin() -> Interval:
-    """pi/2 = 8 atan(1/5) - 2 atan(1/239)."""
+    """pi/2 = 8 atan(1/5) - 2 atan(1/239), summed in units of 2^-FINE."""
 
     def inverse_tangent(number: int) -> Interval:
-        total, power_, k = ZERO, _over(UNIT, number), 0
+        total, power_, k = ZERO, _over((1 << FINE, 1 << FINE), number), 0
         while power_[1] > 1:
             term = _over(power_, 2 * k + 1)
             total = add(total, negative(term) if k % 2 else term)
@@ -300,7 +301,8 @@ def _machin() -> Interval:
         return total[0] - 2, total[1] + 2
 
     first, second = inverse_tangent(5), inverse_tangent(239)
-    return 8 * first[0] - 2 * second[1], 8 * first[1] - 2 * second[0]
+    low, high = 8 * first[0] - 2 * second[1], 8 * first[1] - 2 * second[0]
+    return low >> (FINE - SHIFT), -(-high >> (FINE - SHIFT))
 
 
 HALF_PI = _machin()

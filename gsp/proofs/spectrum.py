@@ -63,9 +63,9 @@ def spectrum_of(matrix: list[arb], near: np.ndarray) -> Spectrum | None:
 def _of_number(entry: arb) -> Spectrum | None:
     one = np.ones((1, 1))
     if entry < 0:
-        return Spectrum(1, 0, max(-balls.above(entry), 0.0), one, np.array([-1]))
+        return Spectrum(1, 0, -balls.above(entry), one, np.array([-1]))
     if entry > 0:
-        return Spectrum(0, 1, max(balls.below(entry), 0.0), one, np.array([1]))
+        return Spectrum(0, 1, balls.below(entry), one, np.array([1]))
     return None
 
 

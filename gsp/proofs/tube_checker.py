@@ -18,12 +18,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
+from gsp.proofs import interval_matrices as im
 from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
 from gsp.proofs.checked_tube import CheckedTube
-from gsp.proofs.interval_matrices import Matrix, decay, dot, is_positive, is_regular, norm
 from gsp.proofs.intervals import Interval
 from gsp.proofs.programs import IntervalProgram, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
@@ -151,10 +152,7 @@ class _TubeProof:
 
             self._everywhere(part, holds, f"the cones do not hold for epsilon up to {float(high):g}")
             if not self.unique:
-
-                def cuts_off(box: Box, collar=collar) -> bool:
-                    return self._cuts_off(box, collar)
-
+                cuts_off = partial(self._cuts_off, collar=collar)
                 self._everywhere(part, cuts_off, "the collar is narrower than the cones allow")
         unstable = sum(len(block) for block, sign in zip(self.blocks, self.signs) if sign > 0)
         return CheckedTube(
@@ -275,10 +273,10 @@ class _TubeProof:
         for row, reach in zip(rows, self.reach):
             total = 0
             for block, width in zip(self.blocks, self.widths):
-                total += _up(norm([row[j] for j in block]) * width)
+                total += im.up(im.norm([row[j] for j in block]) * width)
             if total > ia.of(reach)[0]:
                 return False
-        return is_regular(rows)
+        return im.is_regular(rows)
 
     def _faces(self, box: Box) -> bool:
         """lambda_min(Sym(s B_ii)) d_i - sum |B_ij| d_j - |rho_i| > 0 for every block."""
@@ -289,10 +287,10 @@ class _TubeProof:
         rho = self._rho(box)
         matrix = [row[self.n : self.n + self.m] for row in self.gamma.derivatives(arguments)]
         for i, (block, sign) in enumerate(zip(self.blocks, self.signs)):
-            margin = _down(decay(matrix, block, sign) * self.widths[i]) - norm([rho[k] for k in block])
+            margin = im.down(im.decay(matrix, block, sign) * self.widths[i]) - im.norm([rho[k] for k in block])
             for j, other in enumerate(self.blocks):
                 if j != i:
-                    margin -= _up(norm([matrix[k][q] for k in block for q in other]) * self.widths[j])
+                    margin -= im.up(im.norm([matrix[k][q] for k in block for q in other]) * self.widths[j])
             if not margin > 0:
                 return False
         return True
@@ -321,14 +319,14 @@ class _TubeProof:
         y = self.graph.values(arguments)
         field = self.flow.derivatives([*arguments[:n], *y, small])
         length = ia.of(slope)
-        w: Matrix = []
+        w: im.Matrix = []
         for row in field:
-            along = [dot(row[n : n + m], [other[j] for other in rows], ia.ZERO) for j in range(n + m)]
+            along = [im.dot(row[n : n + m], [other[j] for other in rows], ia.ZERO) for j in range(n + m)]
             by_x = [ia.multiply(small, ia.add(row[j], along[j])) for j in range(n)]
             by_z = [ia.multiply(ia.multiply(small, along[n + j]), length) for j in range(m)]
             w.append(by_x + by_z)
         w += [[ia.ZERO] * (n + m) for _ in range(n - k)]
-        normal: Matrix = []
+        normal: im.Matrix = []
         for row in self.gamma.derivatives(arguments):
             normal.append(row[n : n + m])
             w.append([ia.divide(row[j], length) for j in range(n)] + row[n : n + m])
@@ -338,7 +336,7 @@ class _TubeProof:
             for i in block:
                 q[n + i] = 2 if sign == side else -1
             if sign == side:
-                decays.append(decay(normal, block, sign))
+                decays.append(im.decay(normal, block, sign))
         cut_off = ia.multiply(ia.of(2 * collar), (0, small[1]))[1]
         # Any tau is a proof: between twice the slow rate and twice the fast one.
         slowest = 0
@@ -354,12 +352,12 @@ class _TubeProof:
             return False
         still = [[ia.ZERO] * (n + m) for _ in range(n)] + w[n:]
         for version in (w, still) if collar else (w,):
-            form = [[_form(version, q, side, i, j) for j in range(n + m)] for i in range(n + m)]
+            form = [[im.symmetric(version, q, side, i, j) for j in range(n + m)] for i in range(n + m)]
             for i in range(n + m):
                 # Q has halves: the entries of q are twice those of Q, and those of the form twice the theorem's.
                 less = tau * q[i] + (2 * cut_off if i < n else 0)
                 form[i][i] = form[i][i][0] - less, form[i][i][1] - less
-            if not is_positive(form):
+            if not im.is_positive(form):
                 return False
         return True
 
@@ -367,7 +365,7 @@ class _TubeProof:
         """|grad chi| |f| <= collar with |grad chi| = 1/width of the collar."""
         arguments = self._arguments(box)
         rates = self.flow.values([*arguments[: self.n], *self.graph.values(arguments), arguments[-1]])
-        return norm(rates) <= ia.of(collar * self.collar)[0]
+        return im.norm(rates) <= ia.of(collar * self.collar)[0]
 
     def _sides(self, whole: Box) -> None:
         """What is claimed of the slow flow at the sides."""
@@ -399,22 +397,3 @@ def _size(interval: Interval) -> float:
         return ia.magnitude(interval) / ia.ONE
     except OverflowError:
         return math.inf
-
-
-def _up(product: int) -> int:
-    """A product of two whole numbers in units of 2^-192, in units of 2^-96, rounded up."""
-    return -(-product >> ia.SHIFT)
-
-
-def _down(product: int) -> int:
-    return product >> ia.SHIFT
-
-
-def _form(w: Matrix, q: list[int], side: int, i: int, j: int) -> Interval:
-    """Twice the entry of s (W^T Q + Q W), q being twice the diagonal of Q."""
-    low, high = ia.add(_times(w[j][i], q[j] * side), _times(w[i][j], q[i] * side))
-    return low, high
-
-
-def _times(a: Interval, factor: int) -> Interval:
-    return (a[0] * factor, a[1] * factor) if factor >= 0 else (a[1] * factor, a[0] * factor)

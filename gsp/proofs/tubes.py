@@ -29,8 +29,6 @@ Box = tuple[tuple[float, float], ...]
 FIRST_ROOM, ROOM, ROUNDS = 1.2, 1.25, 4
 # The least radius, relative to 1 + |y|.
 AT_A_POINT, OVER_A_BOX = 5 * np.finfo(float).eps, 1e-12
-# A radius beyond this, relative to 1 + the largest |y| on the tube's line, is on its way to infinity.
-FAR = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +129,8 @@ def krawczyk(
     # A tube over one point has to fit into tubes over boxes.
     least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
     radius = [margin * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
-    far = FAR * (1.0 + max(balls.magnitude(y) for y in line))
+    # A radius beyond this, relative to 1 + the largest |y| on the tube's line, is on its way to infinity.
+    far = 1e6 * (1.0 + max(balls.magnitude(y) for y in line))
     for _ in range(ROUNDS):
         # A radius that is not a number fails here as well.
         if not all(r < far for r in radius):

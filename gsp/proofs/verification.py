@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gsp.proofs import checker, tube_checker
+from gsp.proofs import checker, circuit_checker, cycle_checker, passage_checker, tube_checker
+from gsp.proofs.checked_cycle import CheckedCycle
+from gsp.proofs.checked_passage import CheckedPassage
 from gsp.proofs.checked_tube import CheckedTube
 from gsp.proofs.checker import Checked
 from gsp.proofs.untrusted import read_json
 
 
-def verify(path: Path) -> Checked | CheckedTube:
+def verify(path: Path) -> Checked | CheckedTube | CheckedCycle | CheckedPassage:
     """Check the proof in a file; raises `Rejected` with the reason when it does not hold, OSError when it cannot
     be read.
     """
@@ -18,4 +20,10 @@ def verify(path: Path) -> Checked | CheckedTube:
     kind = read.get("format") if isinstance(read, dict) else None
     if isinstance(kind, str) and kind.startswith(tube_checker.KIND):
         return tube_checker.check(read)
+    if kind == cycle_checker.FORMAT:
+        return cycle_checker.check(read)
+    if kind == circuit_checker.FORMAT:
+        return circuit_checker.check(read)
+    if kind == passage_checker.FORMAT:
+        return passage_checker.check(read)
     return checker.checked(read)

@@ -6,7 +6,7 @@ operator or the function in the text.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import NamedTuple, NoReturn, Protocol
 
 import sympy as sp
@@ -62,6 +62,7 @@ class NodeBuilder:
         self.fail = fail
         self.parts = parts
         self.calls = self.extrema = self.constants = self.bits = 0
+        self._counted: set[tuple[Hashable, ...]] = set()
 
     def number(self, value: sp.Rational, token: Token) -> ExpressionNode:
         """A number as it is written."""
@@ -104,11 +105,11 @@ class NodeBuilder:
         """The `function` that `token` names, of `arguments`."""
         if token.text == "sqrt":
             return self.power(arguments[0], ExpressionNode(sp.Rational(1, 2)), token)
-        self.extrema += len(arguments) == 2
+        values = [node.expression for node in arguments]
+        self.extrema += len(values) == 2 and (function, *values) not in self._counted
         if self.extrema > EXTREMA:
             self.fail(f"there are more than {EXTREMA} min and max", token.position, "Simplify.")
-        calls = self._count_call(arguments, token)
-        values = [node.expression for node in arguments]
+        calls = self._count_call(function, arguments, token)
         degree = max(1, *(node.degree for node in arguments))
         if token.text == "exp":
             degree *= self._check_exponent(values[0], token.position)
@@ -148,15 +149,22 @@ class NodeBuilder:
             )
         if b.is_Rational and e.is_Integer:
             return ExpressionNode(sp.Pow(b, e))
-        calls = base.calls if e.is_Integer else self._count_call([base, exponent], token)
+        calls = base.calls if e.is_Integer else self._count_call(sp.Pow, [base, exponent], token)
         return ExpressionNode(self._checked(sp.Pow, [b, e], token), max(1, degree), calls)
 
-    def _count_call(self, arguments: Sequence[ExpressionNode], token: Token) -> int:
-        """Weight of the calls nested in this one, itself included; an operator counts as a root."""
+    def _count_call(
+        self, function: Callable[..., sp.Expr], arguments: Sequence[ExpressionNode], token: Token
+    ) -> int:
+        """Weight of the calls nested in this one, itself included; an operator counts as a root.
+
+        A call that stands in several places, as behind a definition, is built once and counts once.
+        """
         cost = COST["sqrt"] if token.kind == "operator" else COST.get(token.text, 1)
         nested = max(node.calls for node in arguments)
         calls = cost + nested
-        self.calls += cost * (1 + nested)
+        key = (function, *(node.expression for node in arguments))
+        self.calls += 0 if key in self._counted else cost * (1 + nested)
+        self._counted.add(key)
         if self.calls > CALLS:
             self.fail(
                 f"there are more than {CALLS} functions (roots, hyperbolic and nested ones count more)",

@@ -3,7 +3,8 @@
 A species is the concentration that its symbol means, or its amount where it has only substance units; amounts change by
 stoichiometry times rate (Level 3 version 2, section 4.11.7). Fast reactions have their rates divided by epsilon, so
 that their stoichiometry is the N of the fast part N f. What the stoichiometry conserves is written out: one species of
-each law follows from the others. Events, algebraic rules and delays are refused by name.
+each law follows from the others, the largest one where a smaller one would be rounded away. Events, algebraic rules and
+delays are refused by name.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections import Counter
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from gsp.errors import ModelFileError, is_hidden
@@ -21,6 +23,7 @@ from gsp.readers.sbml_document import library, read_document
 from gsp.readers.sbml_math import names_in
 from gsp.readers.sbml_quantities import TOTAL, Quantities
 from gsp.readers.sbml_values import fraction_text
+from gsp.scenes.tolerances import RTOL, absolute_tolerance
 
 # SBML does not say how fast its fast reactions are.
 EPSILON = "0.01"
@@ -124,13 +127,18 @@ class _SbmlReader(Quantities):
             row[reaction] = row.get(reaction, Fraction(0)) + sign * number
 
     def conservation_laws(self, moving: list[str]) -> list[Law]:
-        """Laws over species whose coefficients are numbers; slow ones are kept, and those that many rates mention."""
+        """Laws over species whose coefficients are numbers; slow ones are kept, and those that many rates mention, or
+        the small ones where these would lose their digits.
+        """
         fast = {name for name, reaction in self.reactions.items() if reaction.getFast()}
         order = sorted(
             (s for s in moving if s not in self.terms),
             key=lambda s: (not fast.isdisjoint(self.coefficients[s]), -self.mentioned[s], self.values.of(s)),
         )
         laws = conserved({s: self.coefficients[s] for s in order})
+        if laws and self.loses_digits(laws, moving):
+            order.sort(key=lambda s: (not fast.isdisjoint(self.coefficients[s]), self.values.of(s)))
+            laws = conserved({s: self.coefficients[s] for s in order})
         if laws is None:
             self.result.notes.append("conservation laws were not looked for: the network is too large")
             return []
@@ -141,6 +149,14 @@ class _SbmlReader(Quantities):
             self.result.notes.append("conserved sums are kept as states, for nothing else is slow")
             return []
         return laws
+
+    def loses_digits(self, laws: list[Law], moving: list[str]) -> bool:
+        """Whether what follows from the others is rounded, as the largest of them is, by more than a run may be off."""
+        amounts = {s: abs(float(self.values.of(s))) for s in moving}
+        rounded = max(
+            np.spacing(float(abs(c)) * amounts[s]) for law in laws for s, c in law.others.items() if c
+        )
+        return bool(rounded > absolute_tolerance(RTOL, {}, amounts))
 
     # Names of what is written.
 

@@ -1,7 +1,8 @@
 """TOML model files: a scene that a user writes in two minutes.
 
     title = "An enzyme and its substrate"    # optional, as are name, source and description
-    epsilon = "epsilon"                      # name of the small parameter; this is the default where there is one
+    epsilon = "epsilon"                      # name of the small parameter; this is the default where there is one;
+                                             # ["epsilon", "delta"] names a second, which is one of the parameters
 
     [parameters]                             # optional
     kappa = 1
@@ -37,6 +38,10 @@
     title = "Substrate and complex"          # optional
     ranges = {s = [0, 2], c = [0, 1]}        # optional
 
+    [phase]                                  # optional: what turns fast, and is averaged over
+    name = "theta"                           # a state that turns, or
+    pair = ["u", "v"]                        # two that turn about one another; both for a pair near resonance
+
     [units]                                  # optional text for names of the model and for t
     s = "mM"
 
@@ -45,7 +50,8 @@
     "rate(u)" = "u/(kappa + u)"
 
 In place of `[slow]` and `[fast]`, `[states]` takes any field with its poles written out, as in
-`omega = "a*w/(I*epsilon)"`.
+`omega = "a*w/(I*epsilon)"`, and with its switches, as in `u = "-x + tanh((V - u)/epsilon)"`. `[mechanics]` takes a
+Lagrangian, constraints and the friction in their place, as `gsp.readers.mechanics_table` shows.
 `[observables]` gives names to further expressions, `[reconstruction]` holds rates of variables that the states
 drive, such as positions. Expressions follow the grammar of `gsp.readers.expressions`. The keys before the first
 table belong at the top of the file.
@@ -68,8 +74,11 @@ import sympy as sp
 from gsp.errors import ModelFileError, nearest
 from gsp.readers import toml_values as values
 from gsp.readers.definitions import read_definitions
-from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
+from gsp.readers.expressions import RESERVED, Definitions
 from gsp.readers.limits import at_most
+from gsp.readers.mechanics_table import with_equations
+from gsp.readers.phase_table import read_phase
+from gsp.readers.ramps_table import read_ramps
 from gsp.scenes.scene import Scene
 from gsp.scenes.view import View
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -86,6 +95,7 @@ VIEWS = 16
 
 _TABLES = (
     "parameters",
+    "mechanics",
     "definitions",
     "slow",
     "fast",
@@ -99,9 +109,10 @@ _TABLES = (
     "starts",
     "units",
     "views",
+    "ramps",
+    "phase",
 )
 _SCENE = ("span", "epsilon", "epsilons", "tolerance", "path")
-_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 
 def read_model(text: str, *, name: str) -> Scene:
@@ -182,6 +193,10 @@ def scene_of(document: dict, file: Path) -> Scene:
     values.check_keys(document, ("epsilon", *TEXT, *_TABLES), elsewhere={"scene": _SCENE})
     texts = {key: values.text(document.get(key, ""), key, limit) for key, limit in TEXT.items()}
     name = texts["name"] or re.sub(r"[^A-Za-z0-9]+", "_", file.stem).strip("_")[:64] or "scene"
+    document, second = values.small(document)
+    contacts = None
+    if "mechanics" in document:
+        document, contacts = with_equations(document, name)
     tables = {key: values.table(document, key) for key in _TABLES}
     system, symbols, definitions = _system(document, tables, name)
     scene = tables["scene"]
@@ -209,13 +224,16 @@ def scene_of(document: dict, file: Path) -> Scene:
         span=values.pair(scene["span"], "scene.span"),
         **given,
         reconstruction={
-            symbols[key]: _expression(value, f"reconstruction.{key}", symbols, definitions)
+            symbols[key]: values.expression(value, f"reconstruction.{key}", symbols, definitions)
             for key, value in drivers.items()
         },
         path=values.path(scene.get("path")),
         claims=_claims(tables["claims"], symbols, definitions),
         starts=_starts(tables["starts"]),
         views=_views(tables["views"]),
+        second=second,
+        ramps=read_ramps(tables["ramps"], symbols, definitions),
+        phase=read_phase(tables["phase"]),
         units={
             key: values.text(value, f"units.{key[:64]}", TEXT["name"]) for key, value in tables["units"].items()
         },
@@ -223,6 +241,7 @@ def scene_of(document: dict, file: Path) -> Scene:
         title=texts["title"],
         source=texts["source"],
         description=texts["description"],
+        contacts=contacts,
     )
 
 
@@ -253,7 +272,7 @@ def _system(
     small = {epsilon: ""} if has_small else {}
     symbols = _symbols({"epsilon": small, "parameters": tables["parameters"], **equations})
     definitions = read_definitions(
-        {head: _body(value, f"definitions.{head[:80]}") for head, value in tables["definitions"].items()},
+        {head: values.body(value, f"definitions.{head[:80]}") for head, value in tables["definitions"].items()},
         symbols,
     )
     driven = {symbols[key] for key in tables["reconstruction"]}
@@ -261,7 +280,7 @@ def _system(
     def rates(kind: str) -> dict[sp.Symbol, sp.Expr]:
         result = {}
         for key, value in tables[kind].items():
-            result[symbols[key]] = rate = _expression(value, f"{kind}.{key}", symbols, definitions)
+            result[symbols[key]] = rate = values.expression(value, f"{kind}.{key}", symbols, definitions)
             for symbol in rate.free_symbols & driven if driven else ():
                 raise ModelFileError(
                     f"{kind}.{key} depends on {symbol}, which is a reconstruction variable: those are left "
@@ -315,7 +334,7 @@ def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:
     roles: dict[str, str] = {}
     for role, table in tables.items():
         for name in table:
-            if not _WORD.fullmatch(name):
+            if not values.WORD.fullmatch(name):
                 raise ModelFileError(
                     f"{role}: the name {name[:80]!r} is no plain word.",
                     "Use letters, digits and _, a letter first, at most 64.",
@@ -334,31 +353,21 @@ def _claims(
     tables: Mapping[str, object], symbols: Mapping[str, sp.Symbol], definitions: Definitions
 ) -> dict[str, dict]:
     """Rival reduced fields, [claims.NAME] each: rates by state."""
-    at_most(CLAIMS, len(tables), "claims holds", "fields", "Keep fewer.")
     claims: dict[str, dict] = {}
-    for name, rates in tables.items():
-        key = f"claims.{name[:64]}"
+    for name, key, rates in values.named_tables("claims", tables, CLAIMS, plural="fields", holds=" of rates"):
         at_most(TEXT["name"], len(name), f"{key}: the name has", "characters")
-        if not isinstance(rates, dict):
-            raise ModelFileError(
-                f"{key} is a table of rates.", f"Write [claims.{name[:64]}].", got=f"a {values.kind(rates)}"
-            )
         claims[name] = {}
         for state, rate in rates.items():
             if state not in symbols:
                 raise ModelFileError(f"{key}.{state[:64]} is unknown.{nearest(state[:64], symbols)}")
-            claims[name][symbols[state]] = _expression(rate, f"{key}.{state}", symbols, definitions)
+            claims[name][symbols[state]] = values.expression(rate, f"{key}.{state}", symbols, definitions)
     return claims
 
 
 def _views(tables: Mapping[str, object]) -> dict[str, View]:
     """What to show, [views.NAME] each."""
-    at_most(VIEWS, len(tables), "views holds", "tables", "Keep fewer.")
     found = {}
-    for name, table in tables.items():
-        key = f"views.{name[:64]}"
-        if not isinstance(table, dict):
-            raise ModelFileError(f"{key} is a table.", f"Write [{key}].", got=f"a {values.kind(table)}")
+    for name, key, table in values.named_tables("views", tables, VIEWS):
         values.check_keys(table, ("x", "y", "z", "title", "ranges"), f"{key}.")
         for axis in ("x", "y"):
             if axis not in table:
@@ -377,32 +386,9 @@ def _views(tables: Mapping[str, object]) -> dict[str, View]:
 
 def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:
     """Further starts, [starts.NAME] each: what differs from [start]."""
-    at_most(STARTS, len(tables), "starts holds", "tables", "Keep fewer.")
     found = {}
-    for name, table in tables.items():
-        key = f"starts.{name[:64]}"
-        if not isinstance(table, dict):
-            raise ModelFileError(
-                f"{key} is a table of numbers.", f"Write [{key}].", got=f"a {values.kind(table)}"
-            )
+    for name, key, table in values.named_tables("starts", tables, STARTS, holds=" of numbers"):
         found[name] = {
             state: float(values.number(value, f"{key}.{state[:64]}")) for state, value in table.items()
         }
     return found
-
-
-def _body(value: object, key: str) -> str:
-    """Text of a definition."""
-    if isinstance(value, str):
-        return values.text(value, key, CHARACTERS)
-    number = values.number(value, key)
-    return f"{number.p}/{number.q}" if isinstance(number, sp.Rational) else str(number)
-
-
-def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol], definitions: Definitions) -> sp.Expr:
-    if isinstance(value, str):
-        try:
-            return parse_expression(value, symbols=symbols, definitions=definitions)
-        except ModelFileError as error:
-            raise error.under(key) from None
-    return values.number(value, key)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 
 import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
-from gsp.readers.expressions import parse_expression
+from gsp.readers.expressions import CHARACTERS, Definitions, parse_expression
 from gsp.readers.limits import at_most
 from gsp.readers.tokens import parse_number
 
 LISTED = 64
+WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 
 def check_keys(
@@ -36,6 +38,18 @@ def table(document: dict, key: str) -> dict:
             f"{key} is a table.", f"Write [{key}] on a line of its own.", got=f"a {kind(found)}"
         )
     return found
+
+
+def named_tables(
+    group: str, tables: Mapping[str, object], most: int, *, plural: str = "tables", holds: str = ""
+) -> Iterator[tuple[str, str, dict]]:
+    """The name, the key and the content of each table [group.NAME], of which there are at most `most`."""
+    at_most(most, len(tables), f"{group} holds", plural, "Keep fewer.")
+    for name, found in tables.items():
+        key = f"{group}.{name[:64]}"
+        if not isinstance(found, dict):
+            raise ModelFileError(f"{key} is a table{holds}.", f"Write [{key}].", got=f"a {kind(found)}")
+        yield name, key, found
 
 
 def text(value: object, key: str, limit: int) -> str:
@@ -88,12 +102,12 @@ def pair(value: object, key: str) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
-def path(value: object) -> tuple[str, str] | None:
+def path(value: object, key: str = "scene.path") -> tuple[str, str] | None:
     """A pair of names, or None."""
     if value is None:
         return None
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(item, str) for item in value):
-        raise ModelFileError("scene.path is a pair of names.", 'Write path = ["x", "y"].')
+        raise ModelFileError(f"{key} is a pair of names.", f'Write {key.rpartition(".")[2]} = ["x", "y"].')
     return value[0], value[1]
 
 
@@ -101,3 +115,36 @@ def kind(value: object) -> str:
     """What a value of a TOML file is, in a word for errors."""
     kinds = {str: "text", bool: "boolean", int: "number", Decimal: "number", list: "list", dict: "table"}
     return kinds.get(type(value), type(value).__name__)
+
+
+def small(document: dict) -> tuple[dict, str]:
+    """The document with one small parameter, and the name of a second that it may have."""
+    named = document.get("epsilon")
+    if not isinstance(named, list):
+        return document, ""
+    if len(named) != 2 or not all(isinstance(name, str) for name in named):
+        raise ModelFileError(
+            "epsilon, at the top of the file, names one small parameter or two, that of the fastest scale first.",
+            'Write epsilon = ["epsilon", "delta"].',
+        )
+    return {**document, "epsilon": named[0]}, named[1]
+
+
+def body(value: object, key: str) -> str:
+    """Text of a definition."""
+    if isinstance(value, str):
+        return text(value, key, CHARACTERS)
+    found = number(value, key)
+    return f"{found.p}/{found.q}" if isinstance(found, sp.Rational) else str(found)
+
+
+def expression(value: object, key: str, symbols: Mapping[str, sp.Symbol], definitions: Definitions) -> sp.Expr:
+    """An expression given as text or as a number; one that another reader made stands as it is."""
+    if isinstance(value, sp.Expr):
+        return value
+    if isinstance(value, str):
+        try:
+            return parse_expression(value, symbols=symbols, definitions=definitions)
+        except ModelFileError as error:
+            raise error.under(key) from None
+    return number(value, key)

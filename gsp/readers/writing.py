@@ -13,6 +13,8 @@ from sympy.printing.str import StrPrinter
 from gsp.errors import DeclarationError, ModelFileError
 from gsp.readers.toml import read_model
 from gsp.results.files import write_file
+from gsp.scenes.fast_phase import FastPhase
+from gsp.scenes.ramp_question import RampQuestion
 from gsp.scenes.scene import Scene
 from gsp.scenes.view import View
 from gsp.systems.arguments import check_noun, shown
@@ -55,7 +57,7 @@ def as_toml(scene: Scene) -> str:
 def _content(scene: Scene) -> Iterator[object]:
     """All that a scene holds, in the order of a file."""
     system = scene.system
-    yield from (type(system), str(system.epsilon), scene.title, scene.source, scene.description)
+    yield from (type(system), str(system.epsilon), scene.second, scene.title, scene.source, scene.description)
     yield from (
         scene.region,
         scene.full_start,
@@ -67,10 +69,13 @@ def _content(scene: Scene) -> Iterator[object]:
         scene.starts,
         scene.units,
         scene.views,
+        scene.phase,
     )
+    for name, asked in scene.ramps.items():
+        yield from (name, dict(asked.edge), dict(asked.start), *asked.ramp.ends, asked.ramp.profile)
     for table in (
-        system.parameters, dict(zip(system.states, system.rates)), system.observables, scene.reconstruction,
-        *scene.claims.values(),
+        *(asked.ramp.parameters for asked in scene.ramps.values()), system.parameters,
+        dict(zip(system.states, system.rates)), system.observables, scene.reconstruction, *scene.claims.values(),
     ):  # fmt: skip
         for symbol, expression in table.items():
             yield symbol.name
@@ -125,16 +130,26 @@ def _written(scene: Scene) -> str:
             for name, start in scene.starts.items()
         },
         **{f"views.{_quoted(name)}": _view(view) for name, view in scene.views.items()},
+        **{f"ramps.{_quoted(name)}": _ramp(asked) for name, asked in scene.ramps.items()},
+        "phase": _phase(scene.phase),
         "units": {name: _quoted(unit) for name, unit in scene.units.items()},
     }
     head = {key: _quoted(getattr(scene, key)) for key in ("name", "title", "source", "description")}
     lines = [f"{key} = {text}" for key, text in head.items() if text != '""']
     if scene.has_small:
-        lines.append(f"epsilon = {_quoted(str(system.epsilon))}")
+        small = _quoted(str(system.epsilon))
+        lines.append(f"epsilon = {f'[{small}, {_quoted(scene.second)}]' if scene.second else small}")
     for title, table in parts.items():
         if table:
             lines += ["", f"[{title}]", *(f"{name} = {value}" for name, value in table.items())]
     return "\n".join(lines) + "\n"
+
+
+def _phase(asked: FastPhase | None) -> dict[str, str]:
+    if asked is None:
+        return {}
+    name = {"name": _quoted(asked.name)} if asked.name else {}
+    return {**name, **({"pair": json.dumps(asked.pair)} if asked.pair else {})}
 
 
 def _view(view: View) -> dict[str, str]:
@@ -145,6 +160,23 @@ def _view(view: View) -> dict[str, str]:
         inner = ", ".join(f"{name} = {_list(interval)}" for name, interval in view.ranges.items())
         written["ranges"] = f"{{{inner}}}"
     return written
+
+
+def _ramp(asked: RampQuestion) -> dict[str, str]:
+    """By expressions in the phase, as any ramp is."""
+    ramp, text = asked.ramp, _Grammar()
+    ends = ", ".join(_quoted(text.doprint(end)) for end in ramp.ends if end is not None)
+    points = {"edge": asked.edge, "start": asked.start}
+    return {
+        "profile": _quoted(text.doprint(ramp.profile)),
+        "ends": f"[{ends}]",
+        "parameters": _inline(_expressions(ramp.parameters)),
+        **{what: _inline({s: repr(v) for s, v in point.items()}) for what, point in points.items() if point},
+    }
+
+
+def _inline(table: Mapping[str, str]) -> str:
+    return f"{{{', '.join(f'{name} = {value}' for name, value in table.items())}}}"
 
 
 def _expressions(table: Mapping[sp.Symbol, sp.Expr]) -> dict[str, str]:

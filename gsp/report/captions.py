@@ -99,37 +99,37 @@ def _phenomenon(analysis: Analysis, setter: Typesetter) -> Markup:
     )
     return Markup(
         "What the full system does at {}, in the plane of {} and {}: it follows the critical manifold to a fold, "
-        "jumps, and comes back.{} The reduction holds on the slow pieces; the rest of this report is about one of them."
+        "jumps, and comes back.{} The reduction holds on the slow pieces. The rest of this report is about one of them."
     ).format(at, setter.inline(system.x[0]), setter.inline(system.y[0]), below)
 
 
 def _path(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup(
-        "The path in the plane that the limit trajectory draws. Darts point along the heading, which need not be "
-        "the direction of motion."
+        "The path of the limit trajectory in the plane. Darts point along the heading, which may differ from the "
+        "direction of motion."
         if heading_of(analysis) is not None
-        else "The path in the plane that the limit trajectory draws."
+        else "The path of the limit trajectory in the plane."
     )
 
 
 def _convergence(analysis: Analysis, setter: Typesetter) -> Markup:
     if analysis.scene.path is not None:
-        return Markup(
-            "Paths of the full system at three values of {}: they close in on the limit (blue)."
-        ).format(_epsilon(analysis, setter))
+        return Markup("Paths of the full system at three values of {}. They approach the limit (blue).").format(
+            _epsilon(analysis, setter)
+        )
     return Markup(
-        "Full runs minus the limit, relative to the largest value. The difference shrinks in proportion to {}; the "
-        "bend at the left is the initial layer, which shifts the slow variables a little before the slow motion begins."
+        "Full runs minus the limit, relative to the largest value. The difference is proportional to {}. The "
+        "bend at the left is the initial layer, in which the slow variables change a little."
     ).format(_epsilon(analysis, setter))
 
 
 def _error(analysis: Analysis, setter: Typesetter) -> Markup:
-    more = Markup(" Dashed: the fields claimed elsewhere.") if analysis.scene.claims else Markup("")
+    more = Markup(" Dashed: the fields stated elsewhere.") if analysis.scene.claims else Markup("")
     return (
         Markup(
             "Largest relative error of the reduced runs over {}, the full system started on the slow manifold. "
-            "Markers are measured; the broad bands have the expected slope, {}<sup><i>N</i>+1</sup> at order "
-            "<i>N</i>. Errors in the grey zone would be the reference's own."
+            "Markers are measured. The broad bands have the expected slope, {}<sup><i>N</i>+1</sup> at order "
+            "<i>N</i>. In the grey zone the errors of the reference run dominate."
         ).format(span(analysis.scene.span), _epsilon(analysis, setter))
         + more
     )
@@ -153,8 +153,9 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup(
-        "Distance of such runs to the slow manifold in fast time. The dashed guide falls at the gap, {}, the slowest "
-        "rate at the samples; no run may be flatter. In the grey zone the series and the runs are known no better."
+        "Distance of such runs to the slow manifold in fast time. The slope of the dashed line is the gap, {}, the "
+        "slowest rate at the samples. No run may fall more slowly. Distances in the grey zone are below the "
+        "accuracy of the series and the runs."
     ).format(number(analysis.hyperbolicity.gap))
 
 
@@ -174,8 +175,8 @@ def _proof(analysis: Analysis, setter: Typesetter) -> Markup:
     how = "height" if len(analysis.study.system.x) == 1 else "colour"
     least = number(min(found.gaps), bound=at_least)
     text = Markup(
-        "The {} boxes of the {}. Their {} is the distance from the imaginary axis, in fast time, that is proved of "
-        "every eigenvalue over the box: {} at least."
+        "The {} boxes of the {}. Their {} shows how far from the imaginary axis, in fast time, every eigenvalue over "
+        "the box is proved to be: at least {}."
     ).format(
         len(found.boxes),
         "proof" if not found.undecided else "attempt at a proof",
@@ -207,8 +208,8 @@ def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup(
-        "The full run at {} = {} (broad) and the reduced run of order {} (dashed), on a logarithmic axis. Left of "
-        "the dotted line is the initial layer, where the fast variables settle. {}"
+        "The full run at {} = {} (broad) and the reduced run of order {} (dashed), over logarithmic time. The initial "
+        "layer, in which the fast variables settle, is left of the dotted line. {}"
     ).format(
         _epsilon(analysis, setter),
         number(analysis.scene.epsilon),
@@ -235,9 +236,10 @@ def _failure_map(analysis: Analysis, setter: Typesetter) -> Markup:
     found = analysis.failures
     assert found is not None
     return Markup(
-        "Where each method holds, measured in {} runs. Above: from positions along {}, for {} of the span, to a "
-        "tolerance of {}; below: over the whole span from the start, to any tolerance. Darker: more orders of the "
-        "reduced flow are needed. Hatched: explicit steps take more than four times the field calls of implicit ones."
+        "Where each method holds, measured in {} runs. Above: runs that start at positions along {}, over {} of the "
+        "span, with a tolerance of {}. Below: runs over the whole span from the start, for a range of tolerances. In "
+        "darker places a higher order of the reduced flow is needed. In hatched places explicit steps need more than "
+        "four times as many calls of the field as implicit ones."
     ).format(
         found.runs, setter.inline(sp.Symbol(found.axis)), f"{100.0 * HORIZON:g}\u00a0%", number(found.tolerance)
     )
@@ -247,9 +249,38 @@ def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
     return setter.inline(analysis.study.system.epsilon)
 
 
+def _the_same(text: str) -> Callable[[Analysis, Typesetter], Markup]:
+    """A caption that is the same for every analysis."""
+    return lambda analysis, setter: Markup(text)
+
+
+_time_scales = _the_same(
+    "Time scales 1/|<i>λ</i>| of the modes of the Jacobian along the full run, from the first step on. Exhausted "
+    "modes, which have decayed, are blue. The gap to the next mode is shaded."
+)
+_no_slip = _the_same(
+    "The force that each contact must carry along the run without slip, divided by the largest force that its friction "
+    "can carry. The contact sticks below 1 (dashed), and lets go at 1."
+)
+_ramp = _the_same(
+    "A state along the first ramp that has a critical rate, at this rate and on both sides of it. At the critical rate "
+    "it ends in the edge state. Time is 0 half way along the ramp."
+)
+_three_scales = _the_same(
+    "The states from the start, over logarithmic time. Dashed: the flow on the manifold within the manifold. "
+    "The fastest variables reach C1 first; then the next ones reach C2. Vertical lines are at one over the gap of each."
+)
+_passage = _the_same(
+    "Orbits are proved to stay in what is shaded from the entry on, past where the critical manifold (solid where it "
+    "attracts) loses its stability."
+)
+
 # Every name that a figure of a report may have, but for views; files of other names in its folder are never touched.
 CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
+    "time_scales": _time_scales,
     "phenomenon": _phenomenon,
+    "no_slip": _no_slip,
+    "ramp": _ramp,
     "phase_portrait": _phase_portrait,
     "path": _path,
     "convergence": _convergence,
@@ -259,6 +290,8 @@ CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
     "critical_manifold": _critical_manifold,
     "eigenvalues": _eigenvalues,
     "proof": _proof,
+    "three_scales": _three_scales,
     "time_series": _time_series,
     "failure_map": _failure_map,
+    "passage": _passage,
 }

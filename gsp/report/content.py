@@ -12,8 +12,11 @@ from gsp.analysis.analysis import Analysis
 from gsp.analysis.fold_surroundings import FoldBeyond
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
 from gsp.integration.trajectory import Trajectory
+from gsp.report.contacts import no_slip_as_json
+from gsp.report.ramps import ramps_as_json
 from gsp.results.attempts import Missing, attempt
 from gsp.results.plain import plain
+from gsp.systems.system import SlowFastSystem
 
 
 def as_json(analysis: Analysis) -> dict[str, Any]:
@@ -32,6 +35,7 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "slow": lambda: [x.name for x in system.x],
         "fast": lambda: [y.name for y in system.y],
         "coordinates": lambda: {s.name: str(e) for s, e in coordinates.items()},
+        "equations": lambda: _equations(analysis),
         "h": lambda: [[str(e) for e in row] for row in analysis.shown.coefficients],
         "reduced_field": lambda: [[str(e) for e in row] for row in analysis.shown.reduced_field],
         "series": lambda: {
@@ -42,10 +46,13 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
             "cut": analysis.cut,
             "parameters": "symbolic" if analysis.shown is analysis.series else "values",
         },
+        "slow_manifold_ends": lambda: charts.slow_ends(analysis)[1] if len(system.x) == 1 else [],
         "raw": lambda: _raw(analysis),
         "hyperbolicity": lambda: hyperbolicity_as_json(analysis.hyperbolicity, epsilon=scene.epsilon),
         "comparison": lambda: analysis.comparison.as_json(),
         "choice": lambda: analysis.choice.as_json(),
+        "no_slip": lambda: no_slip_as_json(analysis),
+        "ramps": lambda: ramps_as_json(analysis),
         "failures": lambda: _failures(analysis),
         "boundary": lambda: _boundary(analysis),
         "parameters": lambda: {s.name: float(value) for s, value in system.parameters.items()},
@@ -64,6 +71,20 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
     content = {name: attempt(name, lambda make=make: plain(make())) for name, make in parts.items()}
     missing = {name: part.reason for name, part in content.items() if isinstance(part, Missing)}
     return {**content, **dict.fromkeys(missing), "missing": {**analysis.lost, **missing}}
+
+
+def _equations(analysis: Analysis) -> dict[str, Any]:
+    """The equations as they were given, the standard form, and the exact values of the parameters."""
+    given, system = analysis.scene.system, analysis.study.system
+    rates = (
+        {**given.slow, **given.fast} if isinstance(given, SlowFastSystem) else zip(given.states, given.rates)
+    )
+    return {
+        "given": {s.name: str(rate) for s, rate in dict(rates).items()},
+        "slow": {s.name: str(rate) for s, rate in system.slow.items()},
+        "fast": {s.name: str(rate) for s, rate in system.fast.items()},
+        "parameters": {s.name: str(value) for s, value in system.parameters.items()},
+    }
 
 
 def _raw(analysis: Analysis) -> dict[str, Any] | None:
@@ -123,6 +144,8 @@ def _boundary(analysis: Analysis) -> dict[str, Any]:
             "period": None if found.period is None else found.orbit.period(epsilon),
         },
         "orbit_reason": found.orbit_reason,
+        "cycle": None if found.cycle is None else found.cycle.as_dict(),
+        "proved_passage": None if found.passage is None else found.passage.as_dict(),
     }
 
 

@@ -14,51 +14,126 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from gsp import charts
 from gsp.analysis.analysis import Analysis
+from gsp.averaging.averaging import Averaging
 from gsp.demos.demo import demo
-from gsp.errors import OutputError
+from gsp.errors import DeclarationError, OutputError
 from gsp.readers.writing import as_toml
+from gsp.reductions.reductions import Reductions
+from gsp.report.averaged import averaged_report
 from gsp.report.captions import CAPTIONS
 from gsp.report.content import as_json
+from gsp.report.manuscript import BIB, TEX, manuscript
 from gsp.report.page import render
+from gsp.report.three_scales import ThreeScales
 from gsp.results.attempts import Missing, attempt
 from gsp.results.interrupts import undisturbed
-from gsp.systems.arguments import check_noun, check_progress, shown
+from gsp.systems.arguments import check_flag, check_noun, check_progress, shown
 
 HTML, JSON, MODEL = "report.html", "report.json", "report.toml"
-_OF_A_VIEW = re.compile(r"view_[A-Za-z0-9][A-Za-z0-9_-]{0,63}\.png")
+_OF_A_VIEW = re.compile(r"view_[A-Za-z0-9][A-Za-z0-9_-]{0,63}\.(png|pdf)")
 
 
 def write_report(
-    analysis: Analysis, folder: str | Path, *, progress: Callable[[float], object] | None = None
+    analysis: Analysis | Averaging,
+    folder: str | Path,
+    *,
+    reductions: Reductions | None = None,
+    latex: bool = False,
+    progress: Callable[[float], object] | None = None,
 ) -> Path:
     """Write report.html (self-contained), report.json, figures (PNG) and report.toml to `folder`; returns the page.
 
-    The model file report.toml is the scene as it was asked, which the Python beside each figure loads.
+    The model file report.toml is the scene as it was asked, which the Python beside each figure loads. With
+    `reductions`, of a model without a small parameter, the page begins with its time scales and what may be left out.
+    With `latex` a manuscript is written too: report.tex, report.bib and the figures as PDF, which
+    `latexmk -pdf report.tex` compiles; all its numbers are in report.json.
+
+    Of an `Averaging` of a scene with a fast phase the page has the averaged field and its measured errors.
 
     The folder is made when it is missing; other files in it stay. `progress(share)` is called as the work goes
     on. A figure or a section that cannot be made is left out, with its reason in its place. Raises `OutputError`
     when the folder cannot be written; then, and when it is interrupted, an older report is intact and nothing new
     is left.
     """
-    check_noun(analysis, Analysis, verb="write_report")
+    check_noun(analysis, (Analysis, Averaging), verb="write_report")
     check_progress(progress)
+    latex = check_flag(latex, what="latex")
+    if reductions is not None:
+        check_noun(reductions, Reductions, verb="write_report(reductions=...)")
     target = check_folder(folder)
     show_progress = progress or (lambda share: None)
     show_progress(0.0)
+    if isinstance(analysis, Averaging):
+        if latex:
+            raise DeclarationError(
+                "a report of an averaging is a page, and has no manuscript.", "Leave latex out."
+            )
+        files = _averaged(analysis, show_progress)
+    else:
+        files = _analysed(analysis, reductions, latex, show_progress)
+    show_progress(0.95)
+    try:
+        # All or nothing: what Ctrl-C would stop from here on is done in milliseconds.
+        with undisturbed():
+            _install(files, target)
+            show_progress(1.0)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    return target / HTML
+
+
+def _averaged(averaging: Averaging, show_progress: Callable[[float], object]) -> dict[str, bytes]:
+    """The files of a report of an averaging, the page last."""
+    made = averaged_report(averaging, show_progress)
+    files = {f"{name}.png": picture for name, picture in made.figures.items()}
+    scene = averaging.scene
+    assert scene is not None
+    model = attempt("the model file", lambda: as_toml(scene))
+    if isinstance(model, Missing):
+        made.content["missing"][MODEL] = model.reason
+    else:
+        files[MODEL] = model.encode()
+    return {**files, JSON: _text(made.content), HTML: made.page.encode()}
+
+
+def _text(content: dict) -> bytes:
+    return (json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def _analysed(
+    analysis: Analysis, reductions: Reductions | None, latex: bool, show_progress: Callable[[float], object]
+) -> dict[str, bytes]:
+    """The files of a report of an analysis, the page last."""
     begun = time.perf_counter()
-    drawn = charts.applicable(analysis)
-    pictures: dict[str, bytes | Missing] = {}
+    drawn = dict(charts.applicable(analysis))
+    if reductions is not None:
+        drawn = {"time_scales": lambda _: charts.time_scales(reductions.scales), **drawn}
+    three = attempt("the nested reduction", lambda: ThreeScales.of(analysis.scene))
+    if isinstance(three, ThreeScales):
+        drawn["three_scales"] = lambda _: charts.nesting(three.found)
+    kinds = ("png", "pdf") if latex else ("png",)
+
+    def picture(draw: Callable[[Analysis], Any]) -> Mapping[str, bytes]:
+        axes = draw(analysis)
+        return {kind: charts.drawn(axes, kind) for kind in kinds}
+
+    pictures: dict[str, Mapping[str, bytes] | Missing] = {}
     for i, (name, draw) in enumerate(drawn.items()):
-        pictures[name] = attempt(f"the figure {name}", lambda draw=draw: charts.png(draw(analysis)))
+        pictures[name] = attempt(f"the figure {name}", lambda draw=draw: picture(draw))
         show_progress(0.9 * (i + 1) / len(drawn))
-    made = {name: picture for name, picture in pictures.items() if not isinstance(picture, Missing)}
+    made = {name: drawing for name, drawing in pictures.items() if not isinstance(drawing, Missing)}
     content = as_json(analysis)
+    content["reductions"] = None if reductions is None else reductions.as_dict()
+    content["three_scales"] = three.as_dict() if isinstance(three, ThreeScales) else None
+    if isinstance(three, Missing):
+        content["missing"]["three_scales"] = three.reason
     content["figures"] = [f"{name}.png" for name in made]
     content["missing"] |= {
-        f"{name}.png": picture.reason for name, picture in pictures.items() if isinstance(picture, Missing)
+        f"{name}.png": drawing.reason for name, drawing in pictures.items() if isinstance(drawing, Missing)
     }
     panel = attempt("the panel", lambda: demo(analysis.study))
     if isinstance(panel, Missing):
@@ -69,27 +144,30 @@ def write_report(
     timings = {**analysis.timings, "report": time.perf_counter() - begun}
     timings["total"] = sum(timings.values())
     content["timings"] = timings
-    files = {f"{name}.png": picture for name, picture in made.items()}
+    name_of_model = None if isinstance(model, Missing) else MODEL
+    written = {}
+    if latex:
+        vectors = {name: drawing["pdf"] for name, drawing in made.items()}
+        written = manuscript(analysis, pictures=vectors, model=name_of_model)
+    content["manuscript"] = list(written)
+    files = {f"{name}.png": drawing["png"] for name, drawing in made.items()} | written
     if not isinstance(model, Missing):
         files[MODEL] = model.encode()
-    files[JSON] = (json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
+    files[JSON] = _text(content)
     # Last, so that who finds a new page finds all of it new.
     files[HTML] = render(
         analysis,
-        pictures=pictures,
+        pictures={
+            name: drawing if isinstance(drawing, Missing) else drawing["png"]
+            for name, drawing in pictures.items()
+        },
         panel=panel,
+        reductions=reductions,
+        three=three,
         timings=timings,
-        model=None if isinstance(model, Missing) else MODEL,
+        model=name_of_model,
     ).encode()
-    show_progress(0.95)
-    try:
-        # All or nothing: what Ctrl-C would stop from here on is done in milliseconds.
-        with undisturbed():
-            _install(files, target)
-            show_progress(1.0)
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    return target / HTML
+    return files
 
 
 def check_folder(folder: str | Path) -> Path:
@@ -176,10 +254,11 @@ def _install(files: Mapping[str, bytes], target: Path) -> None:
 
 
 def _stale(target: Path) -> set[str]:
-    """Figures that an older report in the folder says are its own."""
+    """Figures and a manuscript that an older report in the folder says are its own."""
     try:
-        listed = json.loads((target / JSON).read_text(encoding="utf-8"))["figures"]
-        own = {f"{figure}.png" for figure in CAPTIONS}
+        content = json.loads((target / JSON).read_text(encoding="utf-8"))
+        listed = [*content["figures"], *content.get("manuscript", [])]
+        own = {f"{figure}.{kind}" for figure in CAPTIONS for kind in ("png", "pdf")} | {TEX, BIB}
         return {name for name in listed if name in own or _OF_A_VIEW.fullmatch(name)}
     except (OSError, ValueError, KeyError, TypeError):
         return set()

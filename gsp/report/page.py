@@ -15,10 +15,14 @@ from markupsafe import Markup
 from gsp.analysis.analysis import Analysis
 from gsp.demos.demo import Demo
 from gsp.demos.page import frame_script
+from gsp.reductions.reductions import Reductions
 from gsp.report.captions import caption
+from gsp.report.reductions import reductions_found
 from gsp.report.sections import Page
+from gsp.report.three_scales import ThreeScales
 from gsp.report.wording import listed, number, scientific, signed, words
 from gsp.results.attempts import Missing, attempt
+from gsp.results.lettering import in_unicode
 
 
 def render(
@@ -26,14 +30,42 @@ def render(
     *,
     pictures: Mapping[str, bytes | Missing],
     panel: Demo | Missing,
+    reductions: Reductions | None,
+    three: ThreeScales | Missing | None,
     timings: Mapping[str, float],
     model: str | None,
 ) -> str:
     """The page as self-contained HTML; `pictures` are PNG files by chart, in the order of the page. `model` names
-    the model file beside it, where the scene can be kept in one, and `panel` is the demo at its top.
+    the model file beside it, where the scene can be kept in one, `panel` is the demo at its top, and `reductions` is
+    what of a model without a small parameter may be left out; `three` is of one with two.
 
     A section or a figure that cannot be made costs itself: its reason stands in its place.
     """
+    page = Page(analysis)
+    script, script_hash = frame_script()
+    return (
+        environment_of_pages()
+        .get_template("report.html")
+        .render(
+            **page.head(),
+            page=page,
+            section=_section,
+            figures=_figures(analysis, page, pictures, model),
+            reductions=None if reductions is None else reductions_found(reductions),
+            three=three,
+            no_three=words(three.reason) if isinstance(three, Missing) else None,
+            panel=None if isinstance(panel, Missing) else panel,
+            frame_script=Markup(script),
+            frame_hash=script_hash,
+            no_panel=words(panel.reason) if isinstance(panel, Missing) else None,
+            timings=timings,
+            versions=analysis.versions,
+        )
+    )
+
+
+def environment_of_pages() -> Environment:
+    """The templates with the words that all of them use."""
     environment = Environment(
         loader=PackageLoader(__name__.rpartition(".")[0]),
         autoescape=True,
@@ -47,21 +79,9 @@ def render(
         "words": words,
         "listed": listed,
         "signed": signed,
+        "in_unicode": in_unicode,
     }
-    page = Page(analysis)
-    script, script_hash = frame_script()
-    return environment.get_template("report.html").render(
-        **page.head(),
-        page=page,
-        section=_section,
-        figures=_figures(analysis, page, pictures, model),
-        panel=None if isinstance(panel, Missing) else panel,
-        frame_script=Markup(script),
-        frame_hash=script_hash,
-        no_panel=words(panel.reason) if isinstance(panel, Missing) else None,
-        timings=timings,
-        versions=analysis.versions,
-    )
+    return environment
 
 
 def _section(heading: str, caller: Callable[[], Markup]) -> Markup:
@@ -100,6 +120,11 @@ def _figures(
 
 def _code(analysis: Analysis, name: str, model: str) -> str:
     """Python that draws the figure again, in the report's folder."""
+    if name in ("time_scales", "three_scales"):
+        verb = "time_scales" if name == "time_scales" else "nest"
+        return (
+            f'import gsp\n\naxes = gsp.{verb}(gsp.load("{model}")).plot()\ngsp.charts.save(axes, "{name}.svg")'
+        )
     order = "" if "series" in analysis.lost else f", order={analysis.series.order}"
     return (
         "import gsp\n\n"

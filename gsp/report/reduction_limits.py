@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import sympy as sp
@@ -10,11 +10,14 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.analysis.fold_surroundings import FoldBeyond
-from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import HORIZON
+from gsp.cycles.cycle_certificate import CycleCertificate, ProvedAnnulus
+from gsp.cycles.passage_certificate import PassageCertificate
 from gsp.report.wording import number, words
+from gsp.results.bounds import at_least, at_most
 from gsp.results.mathml import Typesetter
 from gsp.singular.singularities.folded_singularities import FoldedSingularity
+from gsp.systems.system import SlowFastSystem
 
 
 def reduction_limits(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
@@ -26,19 +29,22 @@ def reduction_limits(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
         "folded": [_folded(point, setter) for point in found.folded],
         "folded_reason": words(found.folded_reason.fact),
         "orbit": _orbit(analysis, setter),
+        "proofs": [text for text in (_cycle(found.cycle, setter), _passage(found.passage, setter)) if text],
     }
 
 
 def failures(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
     """What is read off the failure map, or why there is none."""
     return {
-        "map": None if analysis.failures is None else _map(analysis, analysis.failures, setter),
+        "map": None if analysis.failures is None else _map(analysis, setter),
         "no_map": words(analysis.failures_reason.fact),
     }
 
 
-def _map(analysis: Analysis, found: FailureMap, setter: Typesetter) -> Markup:
+def _map(analysis: Analysis, setter: Typesetter) -> Markup:
     """One sentence read off the failure map."""
+    found = analysis.failures
+    assert found is not None
     between = analysis.study.region[found.axis]
     epsilon = setter.inline(analysis.study.system.epsilon)
     here = [found.holds_up_to(n, between=between) for n in found.orders]
@@ -52,26 +58,22 @@ def _map(analysis: Analysis, found: FailureMap, setter: Typesetter) -> Markup:
         number(found.tolerance),
         f"{100.0 * HORIZON:g}\u00a0%",
         setter.inline(sp.Symbol(found.axis)),
-        _listed_orders(found, here),
-        _listed_orders(found, span),
+        _listed_orders(found.orders, here, found.epsilons[-1]),
+        _listed_orders(found.orders, span, found.epsilons[-1]),
         epsilon,
         number(float(found.epsilons[0])),
         number(float(found.epsilons[-1])),
     )
 
 
-def _listed_orders(found: FailureMap, largest: Sequence[float]) -> Markup:
+def _listed_orders(orders: Sequence[int], largest: Sequence[float], end: float) -> Markup:
     values = [
-        Markup("none")
-        if value == 0.0
-        else Markup("all of the map")
-        if value == found.epsilons[-1]
-        else number(value, 2)
+        Markup("none") if value == 0.0 else Markup("all of the map") if value == end else number(value, 2)
         for value in largest
     ]
     if len(set(values)) == 1:
-        return Markup("{} at any of the orders {}").format(values[0], ", ".join(map(str, found.orders)))
-    return Markup(", ").join(Markup("{} at order {}").format(*pair) for pair in zip(values, found.orders))
+        return Markup("{} at any of the orders {}").format(values[0], ", ".join(map(str, orders)))
+    return Markup(", ").join(Markup("{} at order {}").format(*pair) for pair in zip(values, orders))
 
 
 def _place(point: Mapping[str, Any], setter: Typesetter) -> Markup:
@@ -137,4 +139,78 @@ def _orbit(analysis: Analysis, setter: Typesetter) -> dict[str, Any] | None:
         "The singular orbit from the start, slow pieces and drops from fold to fold, closes: {} a period. When it "
         "attracts, a relaxation orbit of the full system lies near it, and takes the slow time"
     ).format("one drop" if count == 1 else f"{count} drops")
-    return {"sentence": sentence, "period": found.period, "at": found.orbit.period(small)}
+    return {
+        "sentence": sentence,
+        "period": found.period,
+        "at": found.orbit.period(small),
+    }
+
+
+def _cycle(cycle: CycleCertificate | None, setter: Typesetter) -> Markup:
+    """What is proved of the cycle near the singular orbit, in a sentence; empty where nothing is."""
+    if cycle is None or cycle.existence is None:
+        return Markup("")
+    one = cycle.uniqueness or cycle.existence
+    area = "annulus" if isinstance(one, ProvedAnnulus) else "strip and tube"
+    what = (
+        f"just one closed orbit lies in the {area} of the figure, and attracts"
+        if cycle.uniqueness
+        else f"a closed orbit lies in the {area} of the figure"
+    )
+    least, most = one.turn.period
+    return Markup("Proved: {} {}; its slow time is from {} to {}.").format(
+        _up_to(cycle.orbit.branch.system, one.epsilon, setter), what, at_least(least), at_most(most)
+    )
+
+
+def _passage(passage: PassageCertificate | None, setter: Typesetter) -> Markup:
+    """What is proved of orbits that pass the first loss of hyperbolicity; empty where nothing is."""
+    if passage is None or passage.epsilon_0 == 0.0:
+        return Markup("")
+    up_to = _up_to(passage.system, passage.epsilon_0, setter)
+    if passage.strip is not None:
+        # Those through less than the entry section come out within more than the exit section.
+        sections = [
+            Markup(", ").join(
+                _within(name, ends, low, high, setter) for name, ends in zip(passage.names, section)
+            )
+            for section, low, high in (
+                (passage.strip.entry, at_most, at_least),
+                (passage.strip.exit, at_least, at_most),
+            )
+        ]
+        least, most = passage.strip.turn.period
+        return Markup(
+            "Proved: {} each orbit through {} passes the strip of the figure, and leaves it through {}, after a slow "
+            "time from {} to {}."
+        ).format(up_to, *sections, at_least(least), at_most(most))
+    delay = passage.delay
+    assert delay is not None
+    x = setter.inline(passage.system.x[0])
+    early, late = (at_least, at_most) if delay.grid[-1] > delay.grid[0] else (at_most, at_least)
+    left = (
+        Markup("; those that begin at this distance have left by {} = {}").format(x, late(delay.leaves_by))
+        if delay.left is not None
+        else Markup("")
+    )
+    return Markup(
+        "Proved: {} each orbit within {} of the branch at {} = {} stays so at least to {} = {}, past where the branch "
+        "has lost its stability{}."
+    ).format(up_to, at_least(delay.width), x, number(float(delay.grid[0]), 8), x, early(delay.stays_to), left)
+
+
+def _up_to(system: SlowFastSystem, epsilon: float, setter: Typesetter) -> Markup:
+    return Markup("for every {} in (0, {}]").format(setter.inline(system.epsilon), at_least(epsilon))
+
+
+def _within(
+    name: str,
+    ends: tuple[float, float],
+    low: Callable[[float], str],
+    high: Callable[[float], str],
+    setter: Typesetter,
+) -> Markup:
+    symbol = setter.inline(sp.Symbol(name))
+    if ends[0] == ends[1]:
+        return Markup("{} = {}").format(symbol, number(ends[0], 8))
+    return Markup("{} from {} to {}").format(symbol, low(ends[0]), high(ends[1]))

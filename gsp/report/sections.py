@@ -14,17 +14,19 @@ from gsp.charts import has_constant_eigenvalues
 from gsp.choice.verdict import in_words
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.report.claims import claims_of
+from gsp.report.contacts import no_slip
+from gsp.report.ramps import ramps
 from gsp.report.reduction_limits import failures, reduction_limits
-from gsp.report.wording import fitted, number, span, words
-from gsp.results import mathml
+from gsp.report.setting import Setting
+from gsp.report.three_scales import ThreeScales, three_scales
+from gsp.report.wording import fitted, listed, number, span, words
 from gsp.results.attempts import Missing, attempt
 from gsp.results.bounds import at_least
-from gsp.results.mathml import Typesetter, dotted, indexed, numeral, operator, row
-from gsp.systems.declaration import exact
+from gsp.results.mathml import dotted, indexed, operator, row
 from gsp.systems.system import SlowFastSystem
 
 
-class Page:
+class Page(Setting):
     """The sections of one report, as values for the template."""
 
     def __init__(self, analysis: Analysis) -> None:
@@ -32,7 +34,7 @@ class Page:
         scene, study = analysis.scene, analysis.study
         self.system = study.system
         self.epsilon = self.system.epsilon
-        self.set = Typesetter(
+        super().__init__(
             [
                 *(self.epsilon, *self.system.parameters),
                 *(*scene.system.states, *self.system.states, *scene.reconstruction),
@@ -62,30 +64,20 @@ class Page:
             "start": [self.named_value(sp.Symbol(name), value) for name, value in scene.full_start.items()],
         }
 
+    def no_slip(self) -> dict[str, Any]:
+        return no_slip(self.analysis)
+
+    def ramps(self) -> list[dict[str, Any]]:
+        return ramps(self.analysis)
+
     def failures(self) -> dict[str, Any]:
         return failures(self.analysis, self.set)
 
     def reduction_limits(self) -> dict[str, Any]:
         return reduction_limits(self.analysis, self.set)
 
-    # -- mathematics --------------------------------------------------------------------------------------
-
-    def inline(self, expression: sp.Basic | str) -> Markup:
-        return self.set.inline(expression)
-
-    def block(self, left: str, right: sp.Basic | sp.MatrixBase | str) -> tuple[Markup, Markup]:
-        """A displayed equation, in two halves that a column of them is aligned by."""
-        text = right if isinstance(right, str) else self.set.row(right)
-        return Markup(mathml.math(left, display=True)), Markup(
-            mathml.math(row(operator("="), text), display=True)
-        )
-
-    def names(self, symbols) -> Markup:
-        return Markup(", ").join(self.inline(s) for s in symbols)
-
-    def named_value(self, symbol: sp.Symbol, value: Any) -> Markup:
-        shown = numeral(float(value)) if not isinstance(value, sp.Basic) or _is_decimal(value) else value
-        return self.inline(self.set.equation(self.set.row(symbol), shown))
+    def three_scales(self, three: ThreeScales) -> dict[str, Any]:
+        return three_scales(self, three)
 
     def by_power(self, rate: sp.Expr) -> sp.Expr | str:
         """A rate that is a polynomial in epsilon, sorted by its powers as the series are."""
@@ -94,11 +86,6 @@ class Page:
             return rate
         coefficients: list[Any] = [sp.factor(c) for c in sp.Poly(expanded, self.epsilon).all_coeffs()]
         return self.set.power_series(coefficients[::-1], self.epsilon, open_end=False)
-
-    def interval(self, name: str, bounds: tuple[float, float]) -> Markup:
-        ends = numeral(bounds[0]) + operator(",") + numeral(bounds[1])
-        symbol = self.set.row(sp.Symbol(name))
-        return self.inline(row(symbol, operator("∈"), operator("["), ends, operator("]")))
 
     # -- sections -----------------------------------------------------------------------------------------
 
@@ -169,7 +156,15 @@ class Page:
         return low * (epsilon / a) ** slope, how
 
     def variables(self) -> Markup:
-        return Markup("{}; {}").format(self.names(self.system.x), self.names(self.system.y))
+        known = Markup("{}; {}").format(self.names(self.system.x), self.names(self.system.y))
+        splitting = self.analysis.study.splitting
+        new = {} if splitting is None else {s: e for s, e in splitting.coordinates.items() if s != e}
+        return Markup(", where ").join(
+            [
+                known,
+                *([listed(self.inline(sp.Eq(s, e, evaluate=False)) for s, e in new.items())] if new else []),
+            ]
+        )
 
     def card(self) -> list[tuple[str, Markup]]:
         """The facts below the verdict; one that is not known gives the reason."""
@@ -245,6 +240,8 @@ class Page:
         system = self.system
         return {
             "rescaled": splitting.rescaled,
+            "scaling": splitting.scaling,
+            "switches": [str(switch).rstrip(".") for switch in self.analysis.study.switches],
             "states": self.names(splitting.field.states),
             "layer": [self.block("<mi>f</mi>", f), self.block("<mi>N</mi>", splitting.N)],
             "route": splitting.route,
@@ -377,8 +374,3 @@ class Page:
     @staticmethod
     def _listed(words: list[str]) -> str:
         return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
-
-
-def _is_decimal(value: sp.Basic) -> bool:
-    """Whether a number was typed as a decimal of at most six digits: 0.3, and not 1/3 or 2."""
-    return isinstance(value, sp.Rational) and not value.is_Integer and exact(f"{float(value):.6g}") == value

@@ -9,6 +9,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from gsp.results.lettering import GREEK
+
 
 def number(value: float, digits: int = 3, *, bound: Callable[[float, int], str] | None = None) -> Markup:
     """A number as it is set in text: 0.0123, 1.2 times a power of ten, and a dash for nan; rounded as a `bound` is."""
@@ -50,13 +52,14 @@ def words(text: str) -> Markup:
 
 _MATHEMATICS = (
     (r"`([^`<>]+)`", r"<code>\1</code>"),
-    (r"\bepsilon\b", "ε"),
-    (r"\blambda\b", "λ"),
+    *((rf"\b{name}\b", letter) for name, letter in GREEK.items()),
     (r"\b([a-zA-Z])_([a-z0-9])\b", r"<i>\1</i><sub>\2</sub>"),
     (r"\b([a-zA-Z])\^([0-9])\b", r"<i>\1</i><sup>\2</sup>"),
     (r"\ba b\b", "<i>a b</i>"),
     (r"\b([a-zA-Z])(?= = -?[0-9])", r"<i>\1</i>"),
     (r"(?<== )-(?=[0-9])", "−"),
+    ("&lt;-&gt;", "⇌"),
+    (r"\b([0-9]+(?:\.[0-9]+)?)e\+00\b", r"\1"),
     (r"(?<![\w.])1e-0?([0-9]+)\b", r"10<sup>−\1</sup>"),
     (r"\b([0-9]+(?:\.[0-9]+)?)e-0?([0-9]+)\b", r"\1×10<sup>−\2</sup>"),
     (r"(?<![\w<])([bfglrxNy])(?=[\s,(:)]|$)(?!\w)", r"<i>\1</i>"),

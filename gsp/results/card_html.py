@@ -9,6 +9,7 @@ from markupsafe import Markup
 from gsp.results import registry
 from gsp.results.attempts import Missing, attempt
 from gsp.results.equations import Equation, equations_of, symbols_of
+from gsp.results.lettering import in_unicode
 from gsp.results.mathml import Typesetter, math
 
 FRAME = Markup(
@@ -34,7 +35,7 @@ FIGURE = Markup(
 
 def html(value: object) -> str:
     """A card: the kind of the value, its equations as MathML, what it prints, its figure. All text is escaped."""
-    parts = [_mathematics(equations_of(value)), WORDS.format(str(value))]
+    parts = [_mathematics(equations_of(value)), WORDS.format(in_unicode(str(value), is_typed=False))]
     if registry.charts.find(value) is not None:
         parts.append(_figure(value))
     return str(FRAME.format(type(value).__name__, Markup("").join(parts)))
@@ -64,5 +65,5 @@ def _figure(value: object) -> Markup:
     name = type(value).__name__
     picture = attempt(f"the figure of a {name}", lambda: registry.draw(value)._repr_png_())
     if isinstance(picture, Missing):
-        return WORDS.format(f"no figure: {picture.reason}")
+        return WORDS.format(in_unicode(f"no figure: {picture.reason}"))
     return FIGURE.format(f"Figure of the {name}", base64.b64encode(picture).decode("ascii"))

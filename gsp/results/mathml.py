@@ -13,9 +13,15 @@ from typing import Any, cast
 
 import sympy as sp
 from markupsafe import Markup
+from sympy.printing.conventions import split_super_sub
 from sympy.printing.mathml import MathMLPresentationPrinter
 
+from gsp.results.lettering import letter
+from gsp.results.long_formulas import lines
+
 _ONE_LINE = re.compile(r"<mo>\(</mo>((?:(?!<mo>[()]</mo>|<mfrac).)*)<mo>\)</mo>")
+
+_NEGATIVE = re.compile(r"(?:<mrow>)*<m[on]>−")
 
 # A product next to a word, as in v cos(phi), c tanh(x)^2 and Ke Kt: set solid, the two would be one.
 _WORD = r"<mi>[^<&]{2,}</mi>"
@@ -64,6 +70,23 @@ class Typesetter:
         ]
         return f'<mtable class="matrix" displaystyle="true">{"".join(rows)}</mtable>'
 
+    def broken(self, expression: sp.Expr, *, sign: str) -> str:
+        """A `sign` and the expression, in as many lines as it needs, its parts named below where it is too wide."""
+        rows, parts = lines(expression)
+        if len(rows) == 1 and not parts:
+            return row(sign, self.row(expression))
+        made = [row(*([sign] if k == 0 else []), self._line(term, k > 0)) for k, term in enumerate(rows)]
+        for symbol, terms in parts:
+            head = row("<mtext>where&#160;</mtext>", self.row(symbol), operator("="))
+            made += [row(*([head] if k == 0 else []), self._line(term, k > 0)) for k, term in enumerate(terms)]
+        cells = "".join(f'<mtr><mtd style="text-align: left">{line}</mtd></mtr>' for line in made)
+        return f'<mtable class="broken" columnalign="left" displaystyle="true">{cells}</mtable>'
+
+    def _line(self, terms: sp.Expr, continued: bool) -> str:
+        text = self.row(terms)
+        # The printer has an order of its own, so that only its text says which term comes first.
+        return row(operator("+"), text) if continued and not _NEGATIVE.match(text) else text
+
     def inline(self, expression: sp.Basic | str) -> Markup:
         """The expression, or MathML already, in a line of text."""
         return Markup(math(expression if isinstance(expression, str) else self.row(expression)))
@@ -98,6 +121,20 @@ class Typesetter:
     def _power(self, epsilon: sp.Symbol, k: int) -> str:
         base = self.row(epsilon)
         return base if k == 1 else f"<msup>{base}<mn>{k}</mn></msup>"
+
+
+def parts_of_name(name: str) -> tuple[str, str, str]:
+    """The letter of a symbol, what stands below it, and what stands above, where no MathML can be: on a canvas.
+
+    >>> parts_of_name("omega_max")
+    ('ω', 'max', '')
+    """
+    # Where letters are missing between underscores, those are part of the name.
+    parts: tuple[str, list[str], list[str]] = (
+        cast(Any, split_super_sub(name)) if all(name.split("_")) else (name, [], [])
+    )
+    base, above, below = parts
+    return letter(base), " ".join(map(letter, below)), " ".join(map(letter, above))
 
 
 def math(*parts: str, display: bool = False) -> str:

@@ -12,8 +12,6 @@ from gsp.errors import DeclarationError
 
 # Seconds between two pictures of a bar in a notebook, each of which goes through its server.
 REDRAW = 0.2
-# Before this share the time goes into imports and compilation, which tell nothing about the rest.
-KNOWN_FROM = 0.05
 
 
 def progress_bar(description: str = "", *, left: bool = True) -> AbstractContextManager[Callable[..., None]]:
@@ -22,8 +20,8 @@ def progress_bar(description: str = "", *, left: bool = True) -> AbstractContext
     Gives what any `progress` argument takes: a function of the fraction done, which also takes the name of a stage.
     `left` shows the time left as well. Raises `DeclarationError` for a description that is no text.
 
-    >>> with gsp.progress_bar("map") as show:                                     # doctest: +SKIP
-    ...     gsp.failure_map(gsp.models.load("chaplygin_sleigh"), progress=show)
+    >>> with gsp.progress_bar("compare") as show:                                 # doctest: +SKIP
+    ...     gsp.compare(gsp.models.load("chaplygin_sleigh"), progress=show)
     """
     from rich.console import Console
 
@@ -80,7 +78,8 @@ def _bar(share: float, stage: str, left: str) -> str:
 
 
 def _remaining(spent: float, share: float) -> str:
-    if not KNOWN_FROM <= share <= 1.0:
+    # Before this share the time goes into imports and compilation, which tell nothing about the rest.
+    if not 0.05 <= share <= 1.0:
         return ""
     seconds = round(spent * (1.0 - share) / share)
     return f", {seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d} left"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from pkgutil import iter_modules
 from typing import Any
 
 from gsp.errors import DeclarationError
@@ -62,8 +63,19 @@ def draw(result: object, axes: Any = None) -> Any:
     return make(result, axes)
 
 
+def enter_every_package() -> None:
+    """Enter the faces of all packages, for what is looked for without a noun."""
+    root = import_module(__name__.partition(".")[0])
+    for module in iter_modules(root.__path__):
+        if module.ispkg:
+            _enter(root.__name__, module.name)
+
+
 @cache
 def _enter(root: str, package: str = "") -> None:
     # The one place where a module is found by a convention; nobody imports a module `faces`.
-    if root == __name__.partition(".")[0] and find_spec(f"{root}.{package}.faces"):
+    if root != __name__.partition(".")[0] or not package:
+        return
+    found = find_spec(f"{root}.{package}")
+    if found is not None and found.submodule_search_locations and find_spec(f"{root}.{package}.faces"):
         import_module(f"{root}.{package}.faces")

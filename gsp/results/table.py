@@ -100,7 +100,7 @@ class Table:
 
 
 class Names:
-    """Names of columns, none twice: what comes later gets underscores."""
+    """Names of columns or symbols, none twice: what comes later gets underscores."""
 
     def __init__(self, taken: Iterable[str]) -> None:
         self._taken = set(taken)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,12 +33,19 @@ class Reactions:
         )
 
 
+# Terms of a rate that is multiplied out, some seconds of work; conditions within conditions have millions.
+MOST_TERMS = 10_000
+
+
 def reactions_of(rates: Sequence[sp.Expr]) -> Reactions:
-    """The terms of `rates`; those that differ by a rational factor are one, k e s and -2 k e s."""
+    """The terms of `rates`; those that differ by a rational factor are one, k e s and -2 k e s.
+
+    A rate that has too many when multiplied out is taken by the terms in which it is written.
+    """
     places: dict[sp.Expr, int] = {}
     entries: list[tuple[int, int, sp.Rational]] = []
     for i, rate in enumerate(rates):
-        for term in sp.Add.make_args(sp.expand_mul(rate)):
+        for term in sp.Add.make_args(sp.expand_mul(rate) if _terms(rate) <= MOST_TERMS else rate):
             factor, rest = term.as_coeff_Mul(rational=True)
             if factor != 0:
                 entries.append((i, places.setdefault(rest, len(places)), factor))
@@ -45,6 +53,15 @@ def reactions_of(rates: Sequence[sp.Expr]) -> Reactions:
     for i, j, factor in entries:
         matrix[i, j] += flint.fmpq(int(factor.p), int(factor.q))
     return Reactions(tuple(places) or (sp.Integer(0),), matrix)
+
+
+def _terms(expression: sp.Basic) -> int:
+    """How many terms there are once all products are multiplied out, at most; those within a function if too many."""
+    counts = [_terms(part) for part in expression.args]
+    if expression.is_Add or expression.is_Mul:
+        return sum(counts) if expression.is_Add else math.prod(counts)
+    most = max(counts, default=1)
+    return most if most > MOST_TERMS else 1
 
 
 def conserved_by(flow: Flow) -> tuple[Coordinates, tuple[sp.Expr, ...]]:

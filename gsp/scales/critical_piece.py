@@ -41,6 +41,14 @@ class CriticalPiece:
             # A denominator vanishes on the piece: the field is not defined there.
             return False
 
+    @property
+    def is_in_domain(self) -> bool:
+        """Whether functions of states have values on it: exp(-E/T) has none on T = 0."""
+        field, graph = self.whole.field, self.graph
+        if graph is None or not self.whole.has_functions:
+            return True
+        return not any(rate.xreplace(graph).has(sp.zoo, sp.nan, sp.oo) for rate in field.rates)
+
     @cached_property
     def linear_part(self) -> list[list[RingElement]]:
         """M = D F_0 (n, n) on the piece, in the variables that are free there."""
@@ -87,10 +95,10 @@ class CriticalPiece:
         if not self.piece.is_linear or not set(self.piece.pivots) <= set(meaning):
             return None
         context = self.whole.ring.context
-        variable = context.gens()
         one = context.constant(1)
         graph = {
-            meaning[v]: self.whole.ring.to_sympy(self.on_piece((variable[v], one))) for v in self.piece.pivots
+            meaning[v]: self.whole.ring.to_sympy(self.on_piece((context.gen(v), one)))
+            for v in self.piece.pivots
         }
         # Within a function a state is no polynomial's variable, and is still there.
         graph = {state: e.xreplace(graph) for state, e in graph.items()}

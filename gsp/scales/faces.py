@@ -28,8 +28,8 @@ def _table_of_time_scales(scales: TimeScales) -> Table:
         names("pointer"): Column((time, mode, state), scales.pointers),
     }
     variables |= complexes(names("rate"), over, scales.rates)
-    told = {"status": scales.status.name, "message": scales.message}
-    return Table("TimeScales", coordinates, variables, told, over)
+    attributes = {"status": scales.status.name, "message": scales.message}
+    return Table("TimeScales", coordinates, variables, attributes, over)
 
 
 @charts.late

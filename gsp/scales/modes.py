@@ -127,8 +127,7 @@ def _ordered(form: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def _decoupled(form: np.ndarray, sizes: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """(X, X^-1), unit upper triangular, with X^-1 T X block diagonal: a Sylvester equation for each block."""
-    from scipy.linalg import solve_triangular
-    from scipy.linalg.lapack import dtrsyl  # pyright: ignore[reportAttributeAccessIssue]
+    from scipy.linalg.lapack import dtrsyl, dtrtri  # pyright: ignore[reportAttributeAccessIssue]
 
     n = len(form)
     across = np.eye(n)
@@ -142,7 +141,8 @@ def _decoupled(form: np.ndarray, sizes: list[int]) -> tuple[np.ndarray, np.ndarr
             form[first:last, first:last], form[last:, last:], -form[first:last, last:], isgn=-1
         )
         across[first:last, last:] = (coupling / shrunk) @ across[last:, last:]
-    return across, solve_triangular(across, np.eye(n), unit_diagonal=True, check_finite=False)
+    # BLAS would wake its threads for each of these small matrices, and wait for them on a busy machine.
+    return across, dtrtri(across, unitdiag=1)[0]
 
 
 def _merged(form: np.ndarray, sizes: list[int], right: np.ndarray, left: np.ndarray) -> list[int]:
@@ -153,19 +153,19 @@ def _merged(form: np.ndarray, sizes: list[int], right: np.ndarray, left: np.ndar
     values = _eigenvalues(form)
     rounding = len(form) * np.finfo(float).eps * np.linalg.norm(form)
     ends = np.cumsum(sizes)
-    reach = np.empty(len(form))
+    moved_by = np.empty(len(form))
     for end, size in zip(ends, sizes):
         part = slice(end - size, end)
         a, b = right[:, part], left[part]
-        reach[part] = rounding * np.sqrt(np.sum((a.T @ a) * (b @ b.T)))
-    reach = np.where(np.isfinite(reach), reach, np.inf)
+        moved_by[part] = rounding * np.sqrt(np.sum((a.T @ a) * (b @ b.T)))
+    moved_by = np.where(np.isfinite(moved_by), moved_by, np.inf)
     group = np.repeat(np.arange(len(sizes)), sizes)
     apart = np.abs(values[:, None] - values)
     apart[group[:, None] == group] = np.inf
-    # Each with its nearest, and again: where vectors do not exist the reach is infinite, and says nothing of others.
+    # Each with its nearest, and again: where vectors do not exist that is infinite, and says nothing of others.
     nearest = apart.argmin(axis=1)
     place = np.arange(len(form))
-    joined = apart[place, nearest] <= reach + reach[nearest]
+    joined = apart[place, nearest] <= moved_by + moved_by[nearest]
     # What lies between two that are one has their modulus, and goes with them.
     last = np.repeat(ends - 1, sizes)
     np.maximum.at(last, np.minimum(place, nearest)[joined], np.maximum(place, nearest)[joined])

@@ -18,6 +18,7 @@ from gsp.systems.system import VectorField
 # A polynomial as the list of its terms.
 Terms = list[tuple[tuple[int, ...], flint.fmpq]]
 Fraction = tuple[Polynomial, Polynomial]
+FractionTerms = tuple[Terms, Terms]
 
 
 class PolynomialField:
@@ -30,10 +31,11 @@ class PolynomialField:
         require_rules({f"{state}'": rate for state, rate in field.equations.items()})
         self.field = field
         symbols = tuple(field.parameters)
+        self.has_functions = not are_rational(field.rates)
         self.ring = LocalisedRing(
             field.states,
             constants=symbols,
-            functions=not are_rational(field.rates),
+            functions=self.has_functions,
             derivations=len(field.states),
         )
         for j, state in enumerate(field.states):
@@ -47,8 +49,8 @@ class PolynomialField:
         n = range(len(rates))
         jacobian = [[self.ring.derive(rate, j).reduced() for j in n] for rate in rates]
         # What is adjoined comes first in the ring: places are asked for when nothing more will be.
-        self.rates = [_fraction(e) for e in rates]
-        self.jacobian = [[_fraction(e) for e in row] for row in jacobian]
+        self.rates = [_terms(e) for e in rates]
+        self.jacobian = [[_terms(e) for e in row] for row in jacobian]
 
     @cached_property
     def places(self) -> dict[sp.Symbol, int]:
@@ -118,15 +120,15 @@ class Ray:
 Parts = list[tuple[int, Terms]]
 
 
-def _along(fraction: Fraction, small: Sequence[int]) -> tuple[Parts, Parts]:
+def _along(fraction: FractionTerms, small: Sequence[int]) -> tuple[Parts, Parts]:
     """Numerator and denominator by powers of epsilon, lowest first; none of a numerator that is zero."""
     return _by_degree(fraction[0], small), _by_degree(fraction[1], small)
 
 
-def _by_degree(polynomial: Polynomial, small: Sequence[int]) -> Parts:
+def _by_degree(terms: Terms, small: Sequence[int]) -> Parts:
     rows: dict[int, Terms] = {}
-    for powers, c in polynomial.to_dict().items():
-        rows.setdefault(sum(int(powers[i]) for i in small), []).append((powers, c))
+    for powers, c in terms:
+        rows.setdefault(sum([powers[i] for i in small]), []).append((powers, c))
     return sorted(rows.items())
 
 
@@ -141,10 +143,10 @@ def _part(context, parts: tuple[Parts, Parts], order: int) -> Fraction:
 def _drift(context, parts: tuple[Parts, Parts], order: int) -> Fraction:
     """The next coefficient, where the one of epsilon^order vanishes."""
     top, below = parts
-    wanted = [terms for k, terms in top if k - below[0][0] == order + 1]
-    if not wanted:
+    following = [terms for k, terms in top if k - below[0][0] == order + 1]
+    if not following:
         return context.constant(0), context.constant(1)
-    return _lowest(context.from_dict(dict(wanted[0])), context.from_dict(dict(below[0][1])))
+    return _lowest(context.from_dict(dict(following[0])), context.from_dict(dict(below[0][1])))
 
 
 def _lowest(top: Polynomial, below: Polynomial) -> Fraction:
@@ -154,9 +156,10 @@ def _lowest(top: Polynomial, below: Polynomial) -> Fraction:
     return top / common, below / common
 
 
-def _fraction(element: RingElement) -> Fraction:
+def _terms(element: RingElement) -> FractionTerms:
     ring = element.ring
     below = ring.context.constant(1)
     for i, exponent in enumerate(element.exponents):
         below = below * ring.denominator_power(i, exponent) if exponent else below
-    return element.numerator, below
+    top, under = ([(tuple(map(int, k)), c) for k, c in p.terms()] for p in (element.numerator, below))
+    return top, under

@@ -9,8 +9,9 @@ from types import MappingProxyType
 
 import sympy as sp
 
-from gsp.errors import Status
+from gsp.errors import DeclarationError, Status
 from gsp.results.card import Card
+from gsp.results.table import Names
 from gsp.scales.attraction import attracts, has_positive_points
 from gsp.scales.critical_piece import CriticalPiece
 from gsp.systems.flow import Portable
@@ -27,7 +28,6 @@ class SmallParameter(Portable, Card):
     original: VectorField
     vanishing: tuple[str, ...]
     kept: tuple[str, ...]
-    manifold: tuple[sp.Eq, ...]
     critical: CriticalPiece
     error: float | None = None
 
@@ -40,9 +40,13 @@ class SmallParameter(Portable, Card):
             original=original,
             vanishing=vanishing,
             kept=tuple(p.name for p in original.parameters if p.name not in vanishing),
-            manifold=tuple(sp.Eq(e, 0, evaluate=False) for e in critical.equations),
             critical=critical,
         )
+
+    @cached_property
+    def manifold(self) -> tuple[sp.Eq, ...]:
+        """The equations of the critical manifold."""
+        return tuple(sp.Eq(e, 0, evaluate=False) for e in self.critical.equations)
 
     @cached_property
     def attracts(self) -> bool | None:
@@ -75,11 +79,10 @@ class SmallParameter(Portable, Card):
     @cached_property
     def epsilon(self) -> sp.Symbol:
         """The distance along the ray to the special value: 0 there, 1 at the values of the field."""
-        taken = {s.name for s in (*self.original.states, *self.original.parameters, *self.original.observables)}
-        name = "epsilon"
-        while name in taken:
-            name += "_"
-        return sp.Symbol(name)
+        field = self.original
+        return sp.Symbol(
+            Names(s.name for s in (*field.states, *field.parameters, *field.observables))("epsilon")
+        )
 
     @cached_property
     def field(self) -> VectorField:
@@ -115,12 +118,27 @@ class SmallParameter(Portable, Card):
         gone = self.critical.graph or {}
         return MappingProxyType({z: rate for z, rate in rates.items() if z not in gone})
 
+    @property
+    def reduced_field(self) -> VectorField:
+        """`reduced` as a field without a small parameter; raises `DeclarationError` where the manifold is implicit."""
+        if self.graph is None:
+            raise DeclarationError(
+                f"the reduction at {', '.join(self.vanishing)} -> 0 is to an implicit manifold.",
+                "Use split(found.field), which finds coordinates on it.",
+            )
+        used = set().union(*(rate.free_symbols for rate in self.reduced.values()))
+        return VectorField(
+            dict(self.reduced),
+            parameters={p: value for p, value in self.original.parameters.items() if p in used},
+            name=self.original.name,
+        )
+
     def __str__(self) -> str:
         gone = ", ".join(f"{name} -> 0" for name in self.vanishing)
         equations = ", ".join(f"{e.lhs} = 0" for e in self.manifold)
-        told = {True: "attracts", False: "does not attract", None: "undecided whether it attracts"}
+        verdict = {True: "attracts", False: "does not attract", None: "undecided whether it attracts"}
         where = ", has no points with positive states" if self.is_positive is False else ""
-        return f"{gone}: {equations}, {told[self.attracts]}{where}"
+        return f"{gone}: {equations}, {verdict[self.attracts]}{where}"
 
     def __repr__(self) -> str:
         return f"SmallParameter({self})"

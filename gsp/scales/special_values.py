@@ -24,7 +24,7 @@ BUDGET = 2_000_000
 
 
 def small_parameters(
-    field: VectorField,
+    field: VectorField | SmallParameter,
     *,
     dimensions: Iterable[int] | None = None,
     vanishing: Iterable[str] = (),
@@ -36,7 +36,9 @@ def small_parameters(
     A tuple of `SmallParameter`, fewest vanishing parameters first; empty where nothing may be left out. `dimensions`
     are those of the critical manifolds, all from 1 to n - 1 where none are given; parameters in `vanishing` are always
     among those that vanish, those in `kept` never. The work is bounded in terms of polynomials, and `.status` says
-    whether it went to the end. Raises `DeclarationError` for a field with a small parameter of its own.
+    whether it went to the end. Of a `SmallParameter` the special values of its reduction are found: those on a special
+    value, which are a third time scale and what `nest` takes. Raises `DeclarationError` for a field with a small
+    parameter of its own, and for a reduction to an implicit manifold.
 
     >>> s, c, e0, k1, k, k2 = sp.symbols("s c e0 k1 k k2")
     >>> field = VectorField({s: -k1*e0*s + (k1*s + k)*c, c: k1*e0*s - (k1*s + k + k2)*c}, epsilon=None,
@@ -44,22 +46,24 @@ def small_parameters(
     >>> [str(found) for found in small_parameters(field) if found.vanishing == ("e0",)]
     ['e0 -> 0: c = 0, attracts']
     """
-    check_noun(field, VectorField, verb="small_parameters")
+    check_noun(field, (VectorField, SmallParameter), verb="small_parameters")
     check_progress(progress)
+    if isinstance(field, SmallParameter):
+        field = field.reduced_field
     if field.epsilon is not None:
         raise DeclarationError(
             f"the field has a small parameter already, {field.epsilon}.",
             "Use split(field), or declare it with epsilon=None and the parameter among the others.",
         )
     n = len(field.states)
-    wanted = _dimensions(dimensions, n)
+    fast_counts = _dimensions(dimensions, n)
     whole = PolynomialField(field)
     free, forced = _choices(whole, vanishing, kept)
     found: list[SmallParameter] = []
-    if not wanted:
+    if not fast_counts:
         return SmallParameters(found, field=field, status=Status.SUCCESS, message="There is one state only.")
     left = BUDGET
-    looked, skipped = 0, []
+    looked, skipped, steep = 0, [], []
 
     def count(terms: int) -> None:
         nonlocal left
@@ -69,43 +73,59 @@ def small_parameters(
 
     total = 2 ** len(free) - (not forced)
     size = sum(len(top) for top, _ in whole.rates)
-    status, told = Status.SUCCESS, ""
+    status, rest = Status.SUCCESS, ""
     try:
         for chosen in _subsets(free, forced):
             count(size)
             if progress is not None:
                 progress(max(looked / total, 1.0 - left / BUDGET))
-            found += _at(whole, chosen, wanted, count, skipped)
+            ray = Ray(whole, chosen)
+            if ray.is_special:
+                found += _at(whole, ray, chosen, fast_counts, count, skipped)
+            elif ray.order > 1:
+                steep.append(chosen)
             looked += 1
     except BudgetError as error:
-        status, told = Status.TOO_MANY_STEPS, f" The rest was not looked at: {error}"
+        status, rest = Status.TOO_MANY_STEPS, f" The rest was not looked at: {error}"
     except KeyboardInterrupt:
-        status, told = Status.INTERRUPTED, " The rest was not looked at."
-    message = f"{looked} of {total} choices of vanishing parameters were looked at.{told}"
+        status, rest = Status.INTERRUPTED, " The rest was not looked at."
+    message = f"{looked} of {total} choices of vanishing parameters were looked at.{rest}"
     if skipped:
         message += f" {len(skipped)} pieces were left out, on which no equation is linear in a variable."
+    if steep:
+        least = ", ".join(p.name for p in steep[0])
+        message += (
+            f" {len(steep)} have a pole of order two or more, the first with {least}, and no leading part of order "
+            "one: give what grows, such as a stiff force, as a state."
+        )
     return SmallParameters(found, field=field, status=status, message=message)
 
 
 def _at(
     whole: PolynomialField,
+    ray: Ray,
     chosen: tuple[sp.Symbol, ...],
-    wanted: frozenset[int],
+    fast_counts: frozenset[int],
     count: Callable[[int], None],
     skipped: list[tuple[sp.Symbol, ...]],
 ) -> list[SmallParameter]:
     """What there is where those `chosen` vanish; they go to `skipped` for each piece that was not solved."""
-    ray = Ray(whole, chosen)
-    if not ray.is_special:
-        return []
     n = len(whole.field.states)
-    pieces = decomposed([top for top, _ in ray.layer], whole.variables, most=n - min(wanted), count=count)
+    # What the layer moves is fast, and is what had better be left out.
+    moved = frozenset(v for v, (top, _) in zip(whole.variables.solvable, ray.layer) if top != 0)
+    pieces = decomposed(
+        [top for top, _ in ray.layer],
+        whole.variables,
+        most=n - min(fast_counts),
+        count=count,
+        first=moved,
+    )
     skipped += [chosen] * pieces.unsolved
     criticals = (CriticalPiece(whole, ray, piece) for piece in pieces.pieces)
     return [
         SmallParameter.of(critical, chosen)
         for critical in criticals
-        if n - critical.codimension in wanted and critical.is_hyperbolic
+        if n - critical.codimension in fast_counts and critical.is_hyperbolic and critical.is_in_domain
     ]
 
 

@@ -17,7 +17,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, Status
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import PLAIN, RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.drawn import Drawn
@@ -28,10 +28,7 @@ from gsp.systems.arguments import check_flag, check_noun, check_positive, check_
 from gsp.systems.flow import Flow, Point, Portable, Question, frozen
 
 # Times at which a flow is looked at unless the caller says at which, and products of a matrix that these may take.
-POINTS, FEWEST, PRODUCTS = 200, 16, 2e9
-# Neighbouring rates that are further apart than this are two time scales: a reduction to leading order is off by about
-# the reciprocal.
-SEPARATION = 10.0
+POINTS, FEWEST, PRODUCTS = 200, 16, 5e8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,9 +78,9 @@ class TimeScales(Portable, Drawn, Tabular):
         tau = self.times
         for i, most in enumerate(self.exhausted):
             ends = _ends(self.groups[i])
-            wide = [
-                m for m in ends[ends <= most] if m < tau.shape[1] and tau[i, m] >= SEPARATION * tau[i, m - 1]
-            ]
+            # Neighbouring rates that are further apart than this are two time scales: a reduction to leading
+            # order is off by about the reciprocal.
+            wide = [m for m in ends[ends <= most] if m < tau.shape[1] and tau[i, m] >= 10.0 * tau[i, m - 1]]
             found[i] = max(wide, default=0)
         return frozen(found)
 
@@ -225,7 +222,9 @@ def time_scales(
         raise DeclarationError(f"{missing} is missing.", "Only a Scene has one of its own.", got="None")
     rtol = check_positive(rtol, what="rtol")
     check_progress(progress)
-    run = trajectory_of(flow, start=start, span=span, epsilon=epsilon, at=at)
+    show = progress or (lambda share: None)
+    options = PLAIN if progress is None else RunOptions(progress=lambda share: show(share / 2))
+    run = trajectory_of(flow, start=start, span=span, epsilon=epsilon, at=at, options=options)
     n = len(flow.states)
     if at is None:
         count = int(np.clip(PRODUCTS / n**3, FEWEST, POINTS))
@@ -238,19 +237,21 @@ def time_scales(
     states = np.ascontiguousarray(states)
     forces, jacobians = compiled.rates(states, p), compiled.jacobians(states, p)
     usable = np.isfinite(forces).all(axis=1) & np.isfinite(jacobians).all(axis=(1, 2))
-    t, states, forces, jacobians = t[usable], states[usable], forces[usable], jacobians[usable]
     if not usable.any():
+        bad = np.argwhere(~np.isfinite(jacobians[0]))
+        names = [[flow.states[k].name for k in pair] for pair in bad[:1]]
+        what = "the rates are" if not names else "the derivative of the rate of {} by {} is".format(*names[0])
         raise DeclarationError(
-            "The field or its Jacobian is not finite anywhere along the run.",
+            f"The field and its Jacobian are finite at no time of the run; at the start {what} not.",
             "Start where they are, or look at a shorter span.",
             got=f"{usable.size} times",
         )
+    t, states, forces, jacobians = t[usable], states[usable], forces[usable], jacobians[usable]
     coordinates, laws = conserved_by(flow)
     tolerance = rtol * np.abs(states) + rtol**2 * np.abs(states).max(axis=0)
     found: list[Modes] = []
     for i, jacobian in enumerate(jacobians):
-        if progress is not None:
-            progress(i / len(jacobians))
+        show((1 + i / len(jacobians)) / 2)
         found.append(modes_of(jacobian, coordinates))
     exhausted = [_exhausted(modes, force, atol) for modes, force, atol in zip(found, forces, tolerance)]
     rates = np.array([modes.rates for modes in found])

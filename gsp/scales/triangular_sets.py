@@ -33,6 +33,8 @@ class TriangularSet(NamedTuple):
     def restricted(self, polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
         """(a, b) with a/b the polynomial on the piece: for an irreducible one it vanishes there exactly when a = 0."""
         below = polynomial.context().constant(1)
+        if not contained(polynomial, self.pivots):
+            return polynomial, below
         for psi, v in zip(self.equations, self.pivots):
             polynomial, lead = pseudo_remainder(polynomial, psi, v)
             below, other = pseudo_remainder(below * lead, psi, v)
@@ -61,29 +63,80 @@ class Decomposition(NamedTuple):
     unsolved: int
 
 
-class Variables(NamedTuple):
+class Variables:
     """Which generators are states (or functions of them), which a piece may be solved for, and which parameters."""
 
-    states: frozenset[int]
-    solvable: tuple[int, ...]
-    parameters: tuple[int, ...]
+    def __init__(self, states: frozenset[int], solvable: tuple[int, ...], parameters: tuple[int, ...]) -> None:
+        self.states, self.solvable, self.parameters = states, solvable, parameters
+        self._known: dict[tuple[str, frozenset[int]], list[Factor]] = {}
+
+    def factors(self, g: Polynomial, first: frozenset[int] = frozenset()) -> list[Factor]:
+        """The factors of `g` that contain states; none where nothing can vanish.
+
+        Of states that are as easy to solve for those in `first` are taken. Remembered, since the same polynomials come
+        back at one choice of vanishing parameters after another.
+        """
+        key = str(g), first
+        if key not in self._known:
+            self._known[key] = [Factor(*self._pivot(q, first), q) for q, _ in g.factor()[1] if self.moves(q)]
+        return self._known[key]
+
+    def moves(self, g: Polynomial) -> bool:
+        """Whether `g` contains a state."""
+        return contained(g, self.states)
+
+    def _complexity(self, lead: Polynomial) -> int:
+        if lead.is_constant() or not self.moves(lead):
+            return int(not lead.is_constant())
+        return 2 if len({c > 0 for c in lead.coeffs()}) == 1 else 3
+
+    def _pivot(self, q: Polynomial, first: frozenset[int]) -> tuple[int, int]:
+        """(score, variable): first a state with a constant coefficient, then one whose coefficient has one sign.
+
+        Parameters come after all states.
+        """
+        degrees = q.degrees()
+        best = (_NONLINEAR, True, -1)
+        for group, base in ((self.solvable, 0), (self.parameters, 4)):
+            for v in group:
+                if degrees[v] == 1:
+                    best = min(best, (base + self._complexity(q.derivative(v)), v not in first, v))
+        if best[2] < 0:
+            return _NONLINEAR, min((i for i in self.states if degrees[i] > 0), key=lambda i: (degrees[i], i))
+        return best[0], best[2]
+
+
+class Factor(NamedTuple):
+    """A factor that may vanish, its main variable, and how far it is from being solved for that."""
+
+    score: int
+    pivot: int
+    polynomial: Polynomial
 
 
 def decomposed(
-    equations: Sequence[Polynomial], variables: Variables, *, most: int, count: Callable[[int], None]
+    equations: Sequence[Polynomial],
+    variables: Variables,
+    *,
+    most: int,
+    count: Callable[[int], None],
+    first: frozenset[int] = frozenset(),
 ) -> Decomposition:
     """The pieces of codimension `most` and less on which no polynomial in the parameters alone vanishes.
 
-    `count` is told of the terms that are looked at, and ends the work by what it raises.
+    Of generators that are as easy to solve for those in `first` are taken. `count` is told of the terms that are looked
+    at, and ends the work by what it raises.
     """
-    search = _Search(variables, most, count)
+    search = _Search(variables, most, count, first)
     search.branch(equations, TriangularSet((), ()))
     return Decomposition(search.pieces, search.unsolved)
 
 
 class _Search:
-    def __init__(self, variables: Variables, most: int, count: Callable[[int], None]) -> None:
-        self.variables, self.most, self.count = variables, most, count
+    def __init__(
+        self, variables: Variables, most: int, count: Callable[[int], None], first: frozenset[int]
+    ) -> None:
+        self.variables, self.most, self.count, self.first = variables, most, count, first
         self.pieces: list[TriangularSet] = []
         self.unsolved = 0
 
@@ -98,7 +151,7 @@ class _Search:
             return
         self.count(sum(map(len, equations)))
         choice = min(
-            ((self._factors(g), i) for i, g in enumerate(equations)),
+            ((self.variables.factors(g, self.first), i) for i, g in enumerate(equations)),
             key=lambda entry: (max((score for score, _, _ in entry[0]), default=-1), len(entry[0]), entry[1]),
         )
         factors, place = choice
@@ -113,38 +166,8 @@ class _Search:
                 continue
             self.branch(reduced, further)
             top = leading(q, v)
-            if score != _NONLINEAR and len(found.pivots) + 2 <= self.most and self._moves(top):
-                self.branch([top, q - top * q.context().gens()[v], *rest], found)
-
-    def _factors(self, g: Polynomial) -> list[tuple[int, int, Polynomial]]:
-        """(score, main variable, factor) of the factors that contain states; none where nothing can vanish."""
-        return [(*self._pivot(q), q) for q, _ in g.factor()[1] if self._moves(q)]
-
-    def _moves(self, g: Polynomial) -> bool:
-        return contained(g, self.variables.states)
-
-    def _complexity(self, lead: Polynomial) -> int:
-        if lead.is_constant() or not self._moves(lead):
-            return int(not lead.is_constant())
-        return 2 if len({c > 0 for c in lead.coeffs()}) == 1 else 3
-
-    def _pivot(self, q: Polynomial) -> tuple[int, int]:
-        """(score, variable): first a state with a constant coefficient, then one whose coefficient has one sign.
-
-        Parameters come after all states.
-        """
-        degrees = q.degrees()
-        best = (_NONLINEAR, -1)
-        for group, base in ((self.variables.solvable, 0), (self.variables.parameters, 4)):
-            for v in group:
-                if degrees[v] == 1:
-                    lead = q.derivative(v)
-                    score = base + self._complexity(lead)
-                    best = min(best, (score, v))
-        if best[1] < 0:
-            v = min((i for i in self.variables.states if degrees[i] > 0), key=lambda i: (degrees[i], i))
-            return _NONLINEAR, v
-        return best
+            if score != _NONLINEAR and len(found.pivots) + 2 <= self.most and self.variables.moves(top):
+                self.branch([top, q - top * q.context().gen(v), *rest], found)
 
 
 _NONLINEAR = 8
@@ -170,13 +193,11 @@ def leading(polynomial: Polynomial, v: int) -> Polynomial:
 def pseudo_remainder(polynomial: Polynomial, divisor: Polynomial, v: int) -> tuple[Polynomial, Polynomial]:
     """(r, b) with b P = r modulo the divisor, r of lower degree in `v`, b a power of its leading coefficient."""
     degree = divisor.degrees()[v]
-    own = polynomial.degrees()[v]
-    one = polynomial.context().constant(1)
-    if polynomial == 0 or own < degree:
-        return polynomial, one
-    lead, variable = leading(divisor, v), polynomial.context().gens()[v]
+    below = polynomial.context().constant(1)
+    if polynomial == 0 or polynomial.degrees()[v] < degree:
+        return polynomial, below
+    lead, variable = leading(divisor, v), polynomial.context().gen(v)
     tail = divisor - lead * variable**degree
-    below = one
     while polynomial != 0 and (own := polynomial.degrees()[v]) >= degree:
         top = leading(polynomial, v)
         polynomial = lead * (polynomial - top * variable**own) - top * tail * variable ** (own - degree)

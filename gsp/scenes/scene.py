@@ -13,10 +13,21 @@ import sympy as sp
 
 from gsp.errors import DeclarationError, is_hidden, printable, unknown_name
 from gsp.results.card import Card
+from gsp.scenes.fast_phase import FastPhase, checked_phase
+from gsp.scenes.ramp_question import RampQuestion, checked_ramps
 from gsp.scenes.view import View, checked_views
+from gsp.sliding.no_slip import Contacts
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
 from gsp.systems.declaration import reconstruction_of
-from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, check_given, values_by_name
+from gsp.systems.flow import (
+    Question,
+    Values,
+    check_epsilon,
+    check_epsilons,
+    check_given,
+    read_only,
+    values_by_name,
+)
 from gsp.systems.region import Interval, check_interval, check_region, shown_region
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -45,7 +56,11 @@ class Scene(Question, Card):
     quantities (states, observables or reconstruction variables) that draw a path in the plane. `starts` are further
     starts by name, each what differs from `start`; `starting(name)` asks from there. `units` are text for names of
     states, parameters, observables and t, which is shown and not computed with. `views` are what its author wants to
-    see, `gsp.scenes.view.View` by name: the report draws each, and a demo begins with the first of two states.
+    see, `gsp.scenes.view.View` by name: the report draws each, and a demo begins with the first of two states. `second`
+    names a parameter that is small too, after epsilon: `nest` takes both, everything else its value. `contacts` have
+    dry friction, and say whether no-slip holds.
+    `ramps` are `gsp.scenes.ramp_question.RampQuestion` by name: how parameters move, and near which edge state.
+    `phase` says which states turn fast, `gsp.FastPhase`: what moves slowly is averaged over it.
 
     Stored: `region` {name: (float, float)}, `start` {state name: float}, `reconstruction_start` {name: float}.
     Raises `DeclarationError`, naming the fact, the value and the remedy.
@@ -75,9 +90,17 @@ class Scene(Question, Card):
     starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     views: Mapping[str, View] = field(default_factory=dict)
+    second: str = ""
+    contacts: Contacts | None = None
+    ramps: Mapping[str, RampQuestion] = field(default_factory=dict)
+    phase: FastPhase | None = None
 
     def __post_init__(self) -> None:
         check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
+        if not isinstance(self.contacts, (Contacts, type(None))):
+            raise DeclarationError(
+                "contacts are those of a system with dry friction.", got=shown(self.contacts)
+            )
         for attribute in ("name", "title", "source", "description"):
             check_text(getattr(self, attribute), what=attribute)
             check_words(getattr(self, attribute), what=attribute)
@@ -121,6 +144,16 @@ class Scene(Question, Card):
         known = [*watched, *(s.name for s in self.system.parameters), TIME]
         known += [str(self.system.epsilon)] if self.has_small else []
         self._set("units", MappingProxyType(_units(self.units, known)))
+        self._set("ramps", read_only(checked_ramps(self.ramps, self.system.states, self.system.parameters)))
+        self._set("phase", checked_phase(self.phase, states))
+        parameters = [s.name for s in self.system.parameters]
+        if check_text(self.second, what="second") and not (self.has_small and self.second in parameters):
+            raise DeclarationError.none_of(
+                parameters if self.has_small else (),
+                self.second,
+                f"second is {shown(self.second)}, and it is a parameter of a system with an epsilon.",
+                "The parameters are",
+            )
 
     @property
     def has_small(self) -> bool:
@@ -145,13 +178,8 @@ class Scene(Question, Card):
     @cached_property
     def full_flow(self) -> VectorField:
         """The field with reconstruction variables behind the states, and any 1/epsilon written out."""
-        return VectorField(
-            {**dict(zip(self.system.states, self.system.rates)), **self.reconstruction},
-            epsilon=self.system.epsilon,
-            parameters=self.system.parameters,
-            name=self.system.name,
-            observables=self.system.observables,
-        )
+        system = self.system
+        return system.as_field({**dict(zip(system.states, system.rates)), **self.reconstruction})
 
     @cached_property
     def full_start(self) -> Mapping[str, float]:
@@ -193,6 +221,8 @@ class Scene(Question, Card):
         ]
         for name, view in self.views.items():
             rows.append((f"view {name}", " against ".join(reversed(view.names))))
+        rows += [] if self.phase is None else [("turning", str(self.phase))]
+        rows += [(f"ramp {name}", str(asked.ramp)) for name, asked in self.ramps.items()]
         if self.units:
             rows.append(("units", ", ".join(f"{name} in {unit}" for name, unit in self.units.items())))
         width = max(len(left) for left, _ in rows)
@@ -208,22 +238,12 @@ class Scene(Question, Card):
         object.__setattr__(self, attribute, value)
 
     def _key(self) -> tuple:
-        return (
-            self.system,
-            tuple(self.region.items()),
-            tuple(self.full_start.items()),
-            self.span,
-            self.epsilon,
-            self.epsilons,
-            self.tolerance,
-            (self.name, self.title, self.source, self.description),
-            tuple(self.reconstruction.items()),
-            self.path,
-            tuple((name, tuple(rates.items())) for name, rates in self.claims.items()),
-            tuple((name, tuple(start.items())) for name, start in self.starts.items()),
-            tuple(self.units.items()),
-            tuple(self.views.items()),
-        )
+        own = (self.system, self.span, self.epsilon, self.epsilons, self.tolerance, self.path, self.second)
+        texts = (self.name, self.title, self.source, self.description)
+        named = (self.region, self.full_start, self.reconstruction, self.units, self.views, self.ramps)
+        rows = tuple(tuple(each.items()) for each in named)
+        deeper = (tuple((k, tuple(v.items())) for k, v in each.items()) for each in (self.claims, self.starts))
+        return own, self.contacts, self.phase, texts, rows, *deeper
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scene) and self._key() == other._key()

@@ -31,7 +31,8 @@ def no_small_parameter(scene: Scene, purpose: str) -> SplittingError:
     return SplittingError(
         f"{scene.name or 'the scene'} has no small parameter, and {purpose}.",
         "Name the parameter that is small, --small NAME, or the variables that are fast, --fast NAME,...; in Python "
-        "take_small(scene, parameter=NAME) and take_fast(scene, variables=[NAME, ...]).",
+        "take_small(scene, parameter=NAME) and take_fast(scene, variables=[NAME, ...]). find_reductions(scene) looks "
+        "for what is fast.",
     )
 
 
@@ -52,18 +53,13 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
     name = check_text(parameter, what="parameter")
     plain = without_small(scene)
     system = plain.system
-    symbol = next((s for s in system.parameters if s.name == name), None)
-    if symbol is None:
-        raise DeclarationError.none_of(
-            system.parameters, name, f"parameter is {shown(name)}, and no parameter has this name.", "They are"
-        )
+    symbol = positive_parameter(
+        plain,
+        name,
+        said=f"parameter is {shown(name)}",
+        remedy=f"Give {name} a positive value, or name the variables that are fast.",
+    )
     value = float(system.parameters[symbol])
-    if value <= 0.0:
-        raise DeclarationError(
-            f"{name} = {value:g} cannot be the small parameter, which is positive.",
-            f"Give {name} a positive value, or name the variables that are fast.",
-            value=value,
-        )
     if not any(rate.has(symbol) for rate in system.rates):
         raise DeclarationError(
             f"{name} stands in no rate, so that it separates no time scales.",
@@ -115,8 +111,7 @@ def take_fast(scene: Scene, *, variables: Iterable[str]) -> Scene:
             got=", ".join(chosen) or "none",
             known=states,
         )
-    taken = {*states, *(s.name for s in (*system.parameters, *system.observables, *plain.reconstruction))}
-    epsilon = sp.Symbol(next(word for word in _epsilons() if word not in taken))
+    epsilon = unused_epsilon(plain.full_flow)
     rates = dict(zip(system.states, system.rates))
     slow_fast = SlowFastSystem(
         slow={s: rate for s, rate in rates.items() if s.name not in chosen},
@@ -126,8 +121,13 @@ def take_fast(scene: Scene, *, variables: Iterable[str]) -> Scene:
         name=system.name,
         observables=system.observables,
     )
+    return with_bookkeeping(plain, slow_fast, chosen)
+
+
+def with_bookkeeping(scene: Scene, system: SlowFastSystem | VectorField, fast: Iterable[str]) -> Scene:
+    """The scene with a system that is its own at epsilon = 1; `fast` states get no new bounds."""
     ladder = tuple(BOOKKEEPING * share for share in LADDER)
-    return replace(plain, system=slow_fast, epsilon=BOOKKEEPING, epsilons=ladder, region=_bounds(plain, chosen))
+    return replace(scene, system=system, epsilon=BOOKKEEPING, epsilons=ladder, region=_bounds(scene, fast))
 
 
 def without_small(scene: Scene) -> Scene:
@@ -141,7 +141,7 @@ def without_small(scene: Scene) -> Scene:
         name=system.name,
         observables=system.observables,
     )
-    return replace(scene, system=field, epsilon=None, epsilons=None)
+    return replace(scene, system=field, epsilon=None, epsilons=None, second="", phase=None)
 
 
 def explain_small(scene: Scene, before: Scene) -> list[str]:
@@ -175,9 +175,25 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
     return said
 
 
-def _epsilons() -> Iterable[str]:
-    yield "epsilon"
-    yield from (f"epsilon_{k}" for k in range(1, 10**6))
+def positive_parameter(scene: Scene, name: str, *, said: str, remedy: str) -> sp.Symbol:
+    """The parameter of this name, which is positive; errors begin with what was `said`, and end with the `remedy`."""
+    parameters = scene.system.parameters
+    symbol = next((s for s in parameters if s.name == name), None)
+    if symbol is None:
+        raise DeclarationError.none_of(parameters, name, f"{said}, and no parameter has this name.", "They are")
+    value = float(parameters[symbol])
+    if value <= 0.0:
+        raise DeclarationError(
+            f"{name} = {value:g} cannot be the small parameter, which is positive.", remedy, value=value
+        )
+    return symbol
+
+
+def unused_epsilon(flow: VectorField) -> sp.Symbol:
+    """A symbol for a bookkeeping parameter: epsilon, or epsilon_1 and so on where the flow has one of this name."""
+    taken = {s.name for s in (*flow.states, *flow.parameters, *flow.observables)}
+    words = ("epsilon", *(f"epsilon_{k}" for k in range(1, len(taken) + 1)))
+    return sp.Symbol(next(word for word in words if word not in taken))
 
 
 def _is_regular(rates: Iterable[sp.Expr], symbol: sp.Symbol) -> bool:
@@ -204,13 +220,16 @@ def _in_slow_time(scene: Scene, symbol: sp.Symbol, value: float) -> dict[str, An
         "claims": {name: divided(rates) for name, rates in scene.claims.items()},
         "units": {name: unit for name, unit in scene.units.items() if name != TIME},
         "views": {name: slower(view) for name, view in scene.views.items()},
+        "ramps": {},
+        "phase": None,
     }
 
 
 def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
     """The region, with an interval for every state that has none and is not among the `fast`, unless all are.
 
-    The interval is that in which the run from the start stays, or one around the start for a state that stays there.
+    The interval is that in which the run from the start stays, or one around the start for a state that stays there,
+    without what no run from positive values reaches.
     """
     states = [s.name for s in scene.system.states]
     free = [name for name in states if name not in set(fast)] or states
@@ -230,7 +249,26 @@ def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
             values = run[name][np.isfinite(run[name])]
             low, high = float(values.min()), float(values.max())
             size = max(abs(low), abs(high))
-            if high - low <= RTOL * size:
-                low, high = low - 1.0 - size, high + 1.0 + size
-            region[name] = low, high
+            # What keeps to the tolerance stays within.
+            margin = scene.tolerance * size if high - low > RTOL * size else 1.0 + size
+            region[name] = low - margin, high + margin
+        for name in _never_negative(scene.full_flow, [s for s in flow.states if run[s].min() >= 0.0]):
+            if name in missing:
+                region[name] = max(region[name][0], 0.0), region[name][1]
     return region
+
+
+def _never_negative(flow: VectorField, candidates: Iterable[sp.Symbol]) -> set[str]:
+    """Of the states that are `candidates` those that stay positive or zero once they are: amounts, as of substances.
+
+    The rate of each is not negative where it is zero and the others are not negative, as the signs of its terms say.
+    """
+    rates = dict(zip(flow.states, flow.rates))
+    signs = {p: sp.Dummy(positive=value > 0, negative=value < 0) for p, value in flow.parameters.items()}
+    kept: set[sp.Symbol] = set()
+    never = set(candidates)
+    while kept != never:
+        kept = never
+        known = {**signs, **{s: sp.Dummy(nonnegative=True) for s in kept}}
+        never = {s for s in kept if rates[s].xreplace({**known, s: sp.S.Zero}).is_nonnegative}
+    return {s.name for s in kept}

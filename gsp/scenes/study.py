@@ -29,16 +29,21 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.scenes.raw_states import RawStates
+from gsp.scenes.scaled import take_scaling
 from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import no_small_parameter
+from gsp.scenes.switched import in_fast_variables
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.expansion import Expansion
-from gsp.slow.series import LONGEST, SeriesManifold, series_of
-from gsp.splitting.splitting import Splitting, split
+from gsp.slow.run_series import run_series
+from gsp.slow.series import LONGEST, SeriesManifold, length, series_of
+from gsp.splitting.scaling import Scaling
+from gsp.splitting.splitting import Splitting, has_higher_pole, split
+from gsp.splitting.switches import Switch, has_switches
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import check_epsilon, check_order
 from gsp.systems.region import ImageBox, Interval
-from gsp.systems.system import SlowFastSystem
+from gsp.systems.system import SlowFastSystem, VectorField
 
 # Points per axis of a box that is mapped when a slow coordinate is no multilinear function of raw states.
 IMAGE_POINTS = 7
@@ -77,6 +82,8 @@ class Study(Card):
     coordinates of `system`; `branch` is the one nearest to the start within the region, its sheet fixed. Reading a
     stage raises what the stage raises: `SplittingError` where the field stays non-standard, `BranchError` where no
     branch passes, `DeclarationError` when the region does not bound every raw state that a slow coordinate is made of.
+    A scene whose field has switches phi(s/epsilon) is kept in the variables in which they are fast, and `switches` says
+    which these are. One whose field has a pole of higher order is kept in scaled variables, and `scaling` says which.
 
     >>> from gsp import models, study
     >>> michaelis = study(models.load("michaelis_menten"))
@@ -85,6 +92,8 @@ class Study(Card):
     """
 
     scene: Scene
+    switches: tuple[Switch, ...] = ()
+    scaling: Scaling | None = None
     _kept: _Kept = field(default_factory=_Kept)
 
     @property
@@ -126,9 +135,13 @@ class Study(Card):
     def hyperbolicity(self) -> Hyperbolicity:
         """The verdict over the region, with the conditions at the scene's epsilon."""
         epsilon = self.scene.epsilon
-        return self._once(
-            ("hyperbolicity", epsilon), lambda: classify(self.branch, region=self.region, epsilon=epsilon)
-        )
+        return self._once(("hyperbolicity", epsilon), lambda: self._verdict(epsilon))
+
+    def _verdict(self, epsilon: float) -> Hyperbolicity:
+        found = classify(self.branch, region=self.region, epsilon=epsilon)
+        if self.scene.contacts is None:
+            return found
+        return replace(found, losses=tuple(replace(loss, kind=loss.kind.of_contact) for loss in found.losses))
 
     def series(self, order: int, *, symbolic: bool = True) -> SeriesManifold:
         """The slow manifold through `order` as `expand` gives it; one expansion grows with the orders asked for."""
@@ -154,25 +167,48 @@ class Study(Card):
                 raise
             return self.series(last, symbolic=symbolic), f"The series ends at order {last}: {why}."
 
+    def run_series(self, order: int) -> SeriesManifold:
+        """The series through `order` with the parameters' values in, as it is run: as straight-line programs where its
+        polynomials have more than `LONGEST` terms, and more than the programs have steps.
+
+        Raises `BudgetError` where neither is within its budget.
+        """
+        check_order(order)
+
+        def make() -> SeriesManifold:
+            return run_series(self._expansion, order, lambda k: self.series(k, symbolic=False))
+
+        return self._once(("run series", order), make)
+
+    def run_within_budget(self, order: int) -> tuple[SeriesManifold, str]:
+        """`run_series` through `order` or as far as the budget goes, and why no further; see `series_within_budget`."""
+        try:
+            return self.run_series(order), ""
+        except BudgetError:
+            last, why = self._expansion.numeric.programs.end
+            if last is None:
+                raise
+            return self.run_series(last), f"The series ends at order {last}: {why}."
+
     def why_shorter(self, order: int) -> str:
         """Why the series is not run through `order`, as a sentence; empty where it is."""
         short = self.short_series(order).order
         if short == order:
             return ""
-        longer, ending = self.series_within_budget(short + 1)
+        longer, ending = self.run_within_budget(short + 1)
         return ending or (
             f"The series is run through order {short} only: at order {short + 1} it has coefficients of "
-            f"{max(longer.sizes)} terms, more than {LONGEST}."
+            f"{length(longer)}, more than {LONGEST}."
         )
 
     def short_series(self, order: int, *, at_least: int = 0) -> SeriesManifold:
-        """The series with the parameters' values in, through `order` or as far as its coefficients are short enough to
-        be run, `LONGEST` terms each; `at_least` so far whatever their length.
+        """The series as it is run, through `order` or as far as its coefficients are short enough for that,
+        `LONGEST` terms or steps each; `at_least` so far whatever their length.
         """
-        series = self.series(at_least, symbolic=False)
+        series = self.run_series(at_least)
         for further in range(at_least + 1, order + 1):
             try:
-                longer = self.series(further, symbolic=False)
+                longer = self.run_series(further)
             except BudgetError:
                 break
             if max(longer.sizes) > LONGEST:
@@ -189,7 +225,7 @@ class Study(Card):
         branch = self.branch if sheet else self.free_branch
 
         def make() -> ReducedFlow:
-            series = self.series(order, symbolic=False).over(branch)
+            series = self.run_series(order).over(branch)
             return restrict(series, order=order, reconstruction=driven)
 
         return self._once(("reduced", order, bool(driven), branch.seed is None), make)
@@ -283,7 +319,7 @@ class Study(Card):
             return None
         if not scene.has_small:
             raise no_small_parameter(scene, "to split it takes one")
-        splitting = split(scene.system)
+        splitting = replace(split(scene.system), switches=self.switches, scaling=self.scaling)
         if splitting.system is None:
             raise SplittingError(
                 f"the field of {scene.name or 'this scene'} has no standard form: {splitting.explain()} "
@@ -321,6 +357,12 @@ def study_of(scene: Scene | Study, *, verb: str = "study") -> Study:
     check_noun(scene, Scene, verb=verb)
     if not scene.has_small:
         raise no_small_parameter(scene, f"{verb} needs one")
+    if isinstance(scene.system, VectorField) and has_switches(scene.system):
+        return Study(*in_fast_variables(scene))
+    if isinstance(scene.system, VectorField) and has_higher_pole(scene.system):
+        scaling = split(scene.system).scaling
+        assert scaling is not None
+        return Study(take_scaling(scene, scaling=scaling), scaling=scaling)
     return Study(scene)
 
 

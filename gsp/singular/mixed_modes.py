@@ -17,7 +17,7 @@ import sympy as sp
 from gsp.errors import DeclarationError
 from gsp.integration.events import Event
 from gsp.integration.loop import check_span
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_number, shown
@@ -25,8 +25,6 @@ from gsp.systems.flow import Flow, Point
 
 # Neighbours in size that differ by this factor are of different kind; less is one kind of swing, changing slowly.
 GAP = 3.0
-# Swings below this share of the largest are the noise of integration.
-NOISE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,7 +103,9 @@ def mixed_mode(
         # Its zeros are those of the rate; without a pole in epsilon they are located to the same share of its size.
         rate = sp.expand(rate * flow.epsilon)
     events = (Event(rate, direction=-1, name="maximum"), Event(rate, direction=+1, name="minimum"))
-    run = trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, events=events)
+    run = trajectory_of(
+        flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, options=RunOptions(events=events)
+    )
     column = names.index(name)
     (high_t, high), (low_t, low) = (
         (run.events[which].times, run.events[which].states[column]) for which in ("maximum", "minimum")
@@ -114,7 +114,8 @@ def mixed_mode(
     after = (high_t >= begin) & (np.searchsorted(low_t, high_t) > 0)
     times, tops = high_t[after], high[after]
     sizes = tops - low[np.searchsorted(low_t, times) - 1]
-    audible = sizes > NOISE * sizes.max(initial=0.0)
+    # Swings below this share of the largest are the noise of integration.
+    audible = sizes > 1e-6 * sizes.max(initial=0.0)
     times, sizes = times[audible], sizes[audible]
     is_large = _large(sizes)
     pattern, repeats = _pattern(is_large)

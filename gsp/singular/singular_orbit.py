@@ -16,7 +16,7 @@ the orbit by the slow flow.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -24,29 +24,32 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.layer_problem import LayerProblem, natural_scales
 from gsp.critical.sampling import Sampler
-from gsp.errors import NO_REASON, BranchError, GspError, HyperbolicityError, Reason, Status
+from gsp.errors import NO_REASON, BranchError, DeclarationError, GspError, HyperbolicityError, Reason, Status
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
+from gsp.singular.flight import Flight, Flights
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.fold_passage import FoldPassage, fold_passage, omega0
+from gsp.singular.passage.fold_passage import ZERO, FoldPassage, omega0, passage_at
 from gsp.slow.series import expand
-from gsp.systems.arguments import check_noun, check_progress, check_whole
+from gsp.systems.arguments import check_noun, check_progress, check_whole, shown
 from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
+from gsp.systems.region import powers_of_two
+from gsp.systems.system import VectorField
 
 # Slow pieces are followed at this tolerance, each for at most so much slow time.
 RTOL = 1e-11
 ATOL = 0.01 * RTOL
 PATIENCE = 1e4
-# An orbit closes when a drop lands where an earlier one did, to this, relative to 1 + |x|.
+# An orbit closes when a drop lands where an earlier one did, to this, relative to the states' sizes.
 CLOSED = 1e-8
 MAX_PIECES = 200
-# A fast eigenvalue is zero below this, relative to the largest or to 1.
-ZERO = 1e-8
-# Landing points are shifted by so much, relative to 1 + |x|, to carry the shifts of folds around the orbit.
+# Landing points are shifted by so much, relative to the states' sizes, to carry the shifts of folds around the orbit.
 SHIFT = 1e-5
 
 
@@ -54,16 +57,25 @@ SHIFT = 1e-5
 class SlowPiece:
     """A piece on an attracting sheet: the reduced `run`, over a slow time `duration`, and the `fold` at its end.
 
-    `fold` is None when the piece ends otherwise; `run.message` says how.
+    `fold` is None when the piece ends otherwise; `run.message` says how. The orbit of a field that switches may fly off
+    the surface from the fold: `flight` is that, and None where the orbit drops onto another sheet.
     """
 
     run: Trajectory
     fold: FoldPassage | None
+    flight: Flight | None = None
 
     @property
     def duration(self) -> float:
-        """Slow time."""
+        """Slow time on the sheet."""
         return float(self.run.t[-1] - self.run.t[0])
+
+    @property
+    def landing(self) -> Mapping[str, float] | None:
+        """Where the orbit comes down after the fold, by name; None where it does not."""
+        if self.flight is not None:
+            return self.flight.point
+        return self.fold.drop.point if self.fold is not None and self.fold.drop.lands else None
 
     def __repr__(self) -> str:
         return f"SlowPiece(slow time {self.duration:.8g}, {'to a fold' if self.fold else self.run.status.name})"
@@ -71,7 +83,7 @@ class SlowPiece:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularOrbit(Drawn, Tabular):
-    """Slow `pieces` in order, each but the last followed by the drop from its fold.
+    """Slow `pieces` in order, each but the last followed by the drop from its fold, or by a flight.
 
     When it `closes`, the last `period_pieces` of them make up the closed orbit, each followed by a drop, and
     `coefficients` = (T_0, T_1, T_2) are those of its period; otherwise they are None. `message` says how it ended.
@@ -81,6 +93,7 @@ class SingularOrbit(Drawn, Tabular):
     pieces: tuple[SlowPiece, ...]
     period_pieces: int
     message: Reason
+    flights: Flights | None = None
 
     @property
     def closes(self) -> bool:
@@ -94,16 +107,26 @@ class SingularOrbit(Drawn, Tabular):
 
     @cached_property
     def coefficients(self) -> tuple[float, float, float] | None:
-        """T_0, T_1 and T_2 of the period T_0 + T_1 epsilon^(2/3) + T_2 epsilon ln epsilon + O(epsilon)."""
-        return _period(self.branch, self.cycle) if self.closes else None
+        """T_0, T_1 and T_2 of the period T_0 + T_1 epsilon^(2/3) + T_2 epsilon ln epsilon + O(epsilon).
+
+        T_2 is nan where the orbit flies, for how the switch ends on the way is not in it.
+        """
+        return _period(self) if self.closes else None
 
     def period(self, epsilon: float) -> float:
-        """Slow time around the orbit, the error being O(epsilon); nan when it does not close."""
+        """Slow time around the orbit; nan when it does not close. The error is O(epsilon), or O(epsilon ln epsilon)
+        where it flies."""
         small = check_epsilon(epsilon)
         if self.coefficients is None:
             return float("nan")
         leading, first, second = self.coefficients
-        return leading + first * small ** (2.0 / 3.0) + second * small * float(np.log(small))
+        logarithmic = 0.0 if self.flies else second * small * float(np.log(small))
+        return leading + first * small ** (2.0 / 3.0) + logarithmic
+
+    @property
+    def flies(self) -> bool:
+        """Whether it leaves the surface of a switch on its way around."""
+        return any(piece.flight is not None for piece in self.cycle)
 
     def __repr__(self) -> str:
         ending = f"closed, {self.period_pieces} drops" if self.closes else "open"
@@ -115,13 +138,15 @@ class SingularOrbit(Drawn, Tabular):
             text = f"  slow time {piece.duration:.10g}"
             if piece.fold is not None:
                 fold = ", ".join(f"{n} = {v:.8g}" for n, v in piece.fold.point.items())
-                text += f" to the fold at {fold}; {piece.fold.drop}"
+                text += f" to the fold at {fold}; "
+                text += str(piece.fold.drop) if piece.flight is None else _told(piece.flight)
             lines.append(text)
         if self.coefficients is not None:
             leading, first, second = self.coefficients
-            lines.append(
-                f"  period {leading:.10g} {first:+.8g} epsilon^(2/3) {second:+.8g} epsilon ln epsilon + O(epsilon)"
+            rest = (
+                " + O(epsilon ln epsilon)" if self.flies else f" {second:+.8g} epsilon ln epsilon + O(epsilon)"
             )
+            lines.append(f"  period {leading:.10g} {first:+.8g} epsilon^(2/3){rest}")
         return "\n".join(lines)
 
 
@@ -129,6 +154,7 @@ def singular_orbit(
     branch: Branch,
     start: Point,
     *,
+    switched: VectorField | None = None,
     progress: Callable[[int], object] | None = None,
     max_pieces: int = MAX_PIECES,
 ) -> SingularOrbit:
@@ -136,6 +162,8 @@ def singular_orbit(
 
     It goes on until it closes up, or until a slow piece ends otherwise than at a generic fold, a drop lands on no
     attracting sheet, or `max_pieces` are used up: `message` says which. `progress` is called with the number of pieces.
+    `switched` is the field with a switch phi(s/epsilon) that the system was split from: an orbit that leaves a fold for
+    s/epsilon = infinity flies on by what the field is off the surface, until it is back.
 
     Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point,
     `HyperbolicityError` when the sheet does not attract at the start, and what `restrict` and `integrate` raise.
@@ -143,8 +171,8 @@ def singular_orbit(
     >>> x, y, epsilon = sp.symbols("x y epsilon")
     >>> system = SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon)
     >>> orbit = singular_orbit(solve_critical(system).branches[0], {"x": 2, "y": 0.6})
-    >>> [round(c, 9) for c in orbit.coefficients]
-    [1.613705639, 7.014322231, 0.333333333]
+    >>> [round(c, 8) for c in orbit.coefficients]
+    [1.61370564, 7.01432223, 0.33333333]
     """
     check_noun(branch, Branch, verb="singular_orbit")
     check_whole(
@@ -155,26 +183,32 @@ def singular_orbit(
     system = branch.system
     complete(start, system.states, what="start")
     _require_attracting(branch, start)
+    branch = _in_own_units(branch, start)
+    if switched is not None and not isinstance(switched, VectorField):
+        raise DeclarationError(
+            "switched is the VectorField that was split.", got=shown(switched), value=switched
+        )
+    flights = None if switched is None else Flights(switched, system)
     point: Point = start
     pieces: list[SlowPiece] = []
     landings: list[np.ndarray] = []
     while len(pieces) < max_pieces:
-        piece, why = _follow(_landed_on(branch, point) if pieces else branch, point)
+        piece, why = _follow(_landed_on(branch, point) if pieces else branch, point, flights)
         pieces.append(piece)
         if progress is not None:
             progress(len(pieces))
-        if piece.fold is None or not piece.fold.drop.lands:
+        if piece.landing is None:
             message = why or Reason(f"{len(pieces)} slow pieces; {piece.fold and piece.fold.drop}")
-            return SingularOrbit(branch, tuple(pieces), 0, message)
-        point = piece.fold.drop.point
+            return SingularOrbit(branch, tuple(pieces), 0, message, flights)
+        point = piece.landing
         landed = np.array([point[s.name] for s in system.states])
-        back = _closed(landings, landed)
-        landings.append(landed)
+        back = _closed(landings, landed / np.concatenate(branch.scales))
+        landings.append(landed / np.concatenate(branch.scales))
         if back:
             message = Reason(f"closed after {len(pieces)} slow pieces, {back} drops a period")
-            return SingularOrbit(branch, tuple(pieces), back, message)
+            return SingularOrbit(branch, tuple(pieces), back, message, flights)
     message = Reason(f"not closed after {max_pieces} slow pieces; raise max_pieces to go on")
-    return SingularOrbit(branch, tuple(pieces), 0, message)
+    return SingularOrbit(branch, tuple(pieces), 0, message, flights)
 
 
 def _require_attracting(branch: Branch, start: Point) -> None:
@@ -194,7 +228,24 @@ def _require_attracting(branch: Branch, start: Point) -> None:
         )
 
 
-def _follow(branch: Branch, point: Point) -> tuple[SlowPiece, Reason]:
+def _told(flight: Flight) -> str:
+    place = ", ".join(f"{name} = {value:.8g}" for name, value in flight.point.items())
+    return f"it flies for a slow time {flight.duration:.10g} and comes down at {place}"
+
+
+def _in_own_units(branch: Branch, start: Point) -> Branch:
+    """The branch in units of the states' sizes, by its point over `start` where no region has told them."""
+    if branch.units is not None:
+        return branch
+    given = values_by_name(start, what="start")
+    x = np.array([[given[s.name] for s in branch.system.x]])
+    u = np.concatenate([x[0], branch.through(start).points(x)[0]])
+    parameters = dict(zip(branch.system.parameters, map(float, compile_flow(branch.system).constants[1:])))
+    sizes = natural_scales(LayerProblem(branch.system, branch.system.x, parameters), u, {})
+    return replace(branch, units=tuple(powers_of_two(sizes).tolist()))
+
+
+def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[SlowPiece, Reason]:
     """The slow piece from `point`, and why it does not end in a fold passage (empty when it does)."""
     flow = _reduced(branch, point)
     run = _run(flow, branch, point)
@@ -203,11 +254,23 @@ def _follow(branch: Branch, point: Point) -> tuple[SlowPiece, Reason]:
             why = Reason(f"no fold within a slow time of {PATIENCE:g}: the slow flow settles")
             return SlowPiece(run, None), why
         return SlowPiece(run, None), Reason(f"the slow flow ends otherwise than at a fold: {run.message}")
-    fold = {s.name: float(run[s.name][-1]) for s in branch.system.states}
+    ends = np.array([run[s.name] for s in branch.system.states])
+    # A root in h_0 may not be real within rounding of the fold.
+    end = ends[:, np.isfinite(ends).all(axis=0)][:, -1]
+    fold = dict(zip((s.name for s in branch.system.states), end.tolist()))
     try:
-        return SlowPiece(run, fold_passage(branch.system, fold)), NO_REASON
+        passage = passage_at(branch.system, fold, sizes=branch.units)
     except PassageError as error:
         return SlowPiece(run, None), error.reason
+    return SlowPiece(run, passage, _flown(passage, passage.point, flights)), NO_REASON
+
+
+def _flown(passage: FoldPassage, point: Mapping[str, float], flights: Flights | None) -> Flight | None:
+    """The flight from a point beside the fold; None where the drop lands on a sheet, or it does not come back."""
+    if flights is None or passage.drop.lands:
+        return None
+    (fast,) = (y.name for y in passage.system.y)
+    return flights.after(point, beyond=passage.drop.point[fast], rtol=RTOL, atol=ATOL)
 
 
 def _landed_on(branch: Branch, point: Point) -> Branch:
@@ -215,12 +278,12 @@ def _landed_on(branch: Branch, point: Point) -> Branch:
     given = values_by_name(point, what="point")
     x, y = (np.array([given[s.name] for s in states]) for states in (branch.system.x, branch.system.y))
     try:
-        distance = np.abs(branch.through(point).points(x[None, :])[0] - y).max()
+        distance = np.abs((branch.through(point).points(x[None, :])[0] - y) / branch.scales[1]).max()
     except BranchError:
         distance = float("inf")
-    if distance <= CLOSED * (1.0 + np.abs(y).max()):
+    if distance <= CLOSED:
         return branch
-    return solve_critical(branch.system).nearest(point)
+    return replace(solve_critical(branch.system).nearest(point), units=branch.units)
 
 
 def _reduced(branch: Branch, point: Point) -> ReducedFlow:
@@ -237,28 +300,31 @@ def _run(flow: ReducedFlow, branch: Branch, point: Point) -> Trajectory:
         # Order 0 does not depend on epsilon; the value is asked for all the same.
         epsilon=1.0,
         rtol=RTOL,
-        atol=ATOL,
+        atol=ATOL * float(min(branch.units or (1.0,))),
     )
 
 
 def _closed(landings: list[np.ndarray], landed: np.ndarray) -> int:
-    """How many drops ago an orbit landed at the same point; 0 for never."""
+    """How many drops ago an orbit landed at the same point, in the branch's units; 0 for never."""
     for back, earlier in enumerate(reversed(landings), start=1):
-        if np.abs(earlier - landed).max() <= CLOSED * (1.0 + np.abs(landed).max()):
+        if np.abs(earlier - landed).max() <= CLOSED:
             return back
     return 0
 
 
-def _period(branch: Branch, cycle: tuple[SlowPiece, ...]) -> tuple[float, float, float]:
+def _period(orbit: SingularOrbit) -> tuple[float, float, float]:
     """T_0, T_1, T_2: with the landing points shifted by Delta x at every fold, x -> P x + Delta x around the cycle.
 
-    A shift xi of the landing point before a piece changes its duration by tau . xi and the next landing point by P xi;
-    the closed orbit solves xi_(k+1) = P_k xi_k + Delta_k cyclically.
+    A shift xi of the landing point before a piece changes its duration by tau . xi and where it leaves the fold to
+    P xi + Delta; a flight makes Q of that shift, and changes by sigma times it. The closed orbit solves
+    xi_(k+1) = Q_k (P_k xi_k + Delta_k) cyclically.
     """
+    branch, cycle = orbit.branch, orbit.cycle
     m, count = len(branch.system.x), len(cycle)
     folds = [piece.fold for piece in cycle]
-    transfers, gradients = zip(*(_sensitivity(branch, cycle[k - 1], cycle[k]) for k in range(count)))
-    total = sum(piece.duration for piece in cycle)
+    transfers, gradients = zip(*(_sensitivity(branch, piece) for piece in (cycle[-1], *cycle[:-1])))
+    flown, delays = zip(*(_flight_sensitivity(branch, piece, orbit.flights) for piece in cycle))
+    total = sum(piece.duration + (piece.flight.duration if piece.flight else 0.0) for piece in cycle)
     result = [total]
     for shifts, times in (
         ([f.leading for f in folds if f], [omega0() * (f.a * f.b) ** (-1.0 / 3.0) for f in folds if f]),
@@ -273,8 +339,8 @@ def _period(branch: Branch, cycle: tuple[SlowPiece, ...]) -> tuple[float, float,
             # xi_k is the shift at the beginning of piece k, made by the fold of piece k - 1.
             before = (k - 1) % count
             rows, columns = slice(k * m, k * m + m), slice(before * m, before * m + m)
-            matrix[rows, columns] -= transfers[before]
-            right[rows] += shifts[before]
+            matrix[rows, columns] -= flown[before] @ transfers[before]
+            right[rows] += flown[before] @ shifts[before]
         try:
             xi = np.linalg.solve(matrix, right).reshape(count, m)
         except np.linalg.LinAlgError:
@@ -283,25 +349,51 @@ def _period(branch: Branch, cycle: tuple[SlowPiece, ...]) -> tuple[float, float,
                 "comes back as it was.",
                 "The period of the full system is not that of one of them.",
             ) from None
-        result.append(float(sum(times) + sum(g @ x for g, x in zip(gradients, xi))))
-    return result[0], result[1], result[2]
+        left = (delay @ (P @ x + shift) for delay, P, x, shift in zip(delays, transfers, xi, shifts))
+        result.append(float(sum(times) + sum(g @ x for g, x in zip(gradients, xi)) + sum(left)))
+    return result[0], result[1], float("nan") if orbit.flies else result[2]
 
 
-def _sensitivity(branch: Branch, before: SlowPiece, piece: SlowPiece) -> tuple[np.ndarray, np.ndarray]:
-    """P (m, m) and tau (m,): how the fold at the end of `piece` and its duration move with the landing point.
+def _flight_sensitivity(
+    branch: Branch, piece: SlowPiece, flights: Flights | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Q (m, m) and sigma (m,): how landing point and duration of a flight move with where it leaves the fold."""
+    assert piece.fold is not None
+    names = [s.name for s in piece.fold.system.x]
+    m = len(names)
+    if piece.flight is None:
+        return np.eye(m), np.zeros(m)
+    transfer, delay = np.zeros((m, m)), np.zeros(m)
+    for i, name in enumerate(names):
+        h = SHIFT * branch.scales[0][i]
+        ends = [
+            _flown(piece.fold, {**piece.fold.point, name: piece.fold.point[name] + sign * h}, flights)
+            for sign in (1.0, -1.0)
+        ]
+        if None in ends:
+            raise GspError(
+                "a flight beside this one does not come back.", "The period is not to be expanded here."
+            )
+        up, down = (flight for flight in ends if flight is not None)
+        transfer[:, i] = [(up.point[n] - down.point[n]) / (2.0 * h) for n in names]
+        delay[i] = (up.duration - down.duration) / (2.0 * h)
+    return transfer, delay
+
+
+def _sensitivity(branch: Branch, before: SlowPiece) -> tuple[np.ndarray, np.ndarray]:
+    """P (m, m) and tau (m,): how the end and the duration of the next piece move with where the one `before` lands.
 
     For one slow variable the folds stay where they are, and tau = -1/f.
     """
-    assert before.fold is not None
-    assert piece.fold is not None
-    landing = before.fold.drop.point
+    landing = before.landing
+    assert landing is not None
     names = [s.name for s in branch.system.x]
     m = len(names)
     branch = _landed_on(branch, landing)
     transfer, gradient = np.zeros((m, m)), np.zeros(m)
     for i, name in enumerate(names):
         ends, durations = [], []
-        h = SHIFT * (1.0 + abs(landing[name]))
+        h = SHIFT * branch.scales[0][i]
         for sign in (1.0, -1.0):
             moved: Mapping[str, float] = MappingProxyType({**landing, name: landing[name] + sign * h})
             run = _run(_reduced(branch, moved), branch, moved)

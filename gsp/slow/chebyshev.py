@@ -13,9 +13,6 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import chebyshev
 
-# Numbers that are held at once in sums over many points.
-CHUNK = 2**22
-
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevSurface:
@@ -59,7 +56,8 @@ class ChebyshevSurface:
         result = np.empty((len(x), k))
         # For a point the polynomials of one axis, and what is left of the coefficients after the first.
         each = max(*coefficients.shape, coefficients.size // len(coefficients))
-        many = max(1, CHUNK // each)
+        # Numbers that are held at once in sums over many points.
+        many = max(1, (2**22) // each)
         for begin in range(0, len(x), many):
             part = x[begin : begin + many]
             unit = (2.0 * part - self.box.sum(axis=1)) / (self.box[:, 1] - self.box[:, 0])

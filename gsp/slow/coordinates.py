@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import flint
+import numpy as np
 import sympy as sp
 
 from gsp.algebra.circuits import CircuitRing, Factors, Gate
@@ -30,8 +31,6 @@ from gsp.lowering.steps.straight_line import eliminate
 # So many fast variables that depend on one another have polynomials that can be written out; with more, the
 # determinant of their Jacobian has thousands of terms.
 WRITTEN = 5
-# Variables are eliminated by polynomials of this degree at most: a chain of cubics triples it with each link.
-MOST_DEGREES = 15
 
 
 @dataclass(frozen=True)
@@ -89,6 +88,8 @@ def chart(
             functions=not are_rational(expressions),
             derivations=len(system.x),
         )
+        sizes = np.log2(np.concatenate(branch.scales)).astype(int).tolist()
+        ring.sizes = {s: size for s, size in zip(system.states, sizes) if size}
     else:
         ring = CircuitRing(coordinates, constants=parameters, derivations=len(system.x))
     for j, x in enumerate(system.x):
@@ -264,8 +265,9 @@ def _eliminations(
     for i, equation in enumerate(equations):
         for symbol in variables:
             slope = derivative(equation, symbol)
-            # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there.
-            if slope == 0 or slope.has(*variables):
+            # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there. Nor is it
+            # linear where it stands in a sign too, whose slope is 0.
+            if slope == 0 or slope.has(*variables) or sp.expand(equation - slope * symbol).has(symbol):
                 continue
             value = -equation.subs(symbol, 0) / slope
             rest = [e.subs(symbol, value) for j, e in enumerate(equations) if j != i]
@@ -276,4 +278,6 @@ def _eliminations(
 
 
 def _is_short(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> bool:
-    return quotient(expression) is not None and (degree(expression, variables) or 0) <= MOST_DEGREES
+    # Variables are eliminated by polynomials of this degree at most: a chain of cubics triples it with each
+    # link.
+    return quotient(expression) is not None and (degree(expression, variables) or 0) <= 15

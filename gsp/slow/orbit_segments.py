@@ -39,9 +39,6 @@ SHARE = 0.1
 EXTENSIONS = 2
 # What is left of a segment's length when it fails or comes out badly, and how often it is shortened.
 RETREAT, RETREATS = 0.8, 7
-# Elements are halved until the change this makes, over 2^STAGES (the order of a stiff limit), is below SHARE of
-# the tolerance, but not more often than this.
-HALVINGS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +199,9 @@ class SegmentSolver:
         error = np.full(len(solution), np.inf)
         part, nx = problem, len(self.system.x)
         taken = np.arange(len(problem.x))
-        for _ in range(HALVINGS):
+        # Elements are halved until the change this makes, over 2^STAGES (the order of a stiff limit), is below
+        # SHARE of the tolerance, but not more often than this.
+        for _ in range(3):
             if not rows.size:
                 break
             part = part.halved(np.searchsorted(taken, rows), self.halving)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.sampling import EDGE
 from gsp.errors import GspError, Status
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
@@ -16,9 +17,6 @@ from gsp.results.tabular import Tabular
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.systems.flow import as_points
 from gsp.systems.region import Interval, shown_region
-
-# A point this much outside, relative to the region's width, is rounding.
-OUTSIDE = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,7 +83,7 @@ class SampledManifold(Card, Tabular):
         array, single = as_points(self.branch.system.x, x, what="x")
         for i, symbol in enumerate(self.branch.system.x):
             low, high = self.region[symbol.name]
-            margin = OUTSIDE * (high - low)
+            margin = EDGE * (high - low)
             outside = array[~((array[:, i] >= low - margin) & (array[:, i] <= high + margin)), i]
             if outside.size:
                 raise GspError(

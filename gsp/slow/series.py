@@ -31,11 +31,6 @@ from gsp.slow.truncation import AHEAD, best, errors, least, past, units
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import as_points, check_epsilon, check_order
 
-# A term has lost its digits when moving the point by so many units in the last place changes it by this share, and
-# the change is larger than rounding of the sum would be.
-JITTER = (1.0, 2.0, 3.0)
-LOST = 0.1
-AUDIBLE = 1e-13
 # Coefficients with more terms than this are not for reading.
 READABLE = 300
 # With longer ones than this it takes seconds to compile what is evaluated, which then runs no faster than the full
@@ -109,15 +104,8 @@ class SeriesManifold(Card):
                 got=f"order {order}",
                 value=order,
             )
-        rows = order + 1
-        return SeriesManifold(
-            self.branch,
-            order,
-            self.chart,
-            [h[:rows] for h in self._h],
-            [f[:rows] for f in self._f],
-            self._expansion,
-        )
+        h, f = ([row[: order + 1] for row in rows] for rows in (self._h, self._f))
+        return replace(self, order=order, _h=h, _f=f)
 
     def over(self, branch: Branch) -> SeriesManifold:
         """The same series over another sheet of its branch; raises `DeclarationError` for any other branch."""
@@ -145,6 +133,11 @@ class SeriesManifold(Card):
         if not self._expansion.symbolic:
             return self
         return series_of(self._expansion.numeric, self.order).over(self.branch)
+
+    @cached_property
+    def as_programs(self) -> SeriesManifold:
+        """The same series as straight-line programs, with the parameters' values put in."""
+        return series_of(self._expansion.numeric.programs, self.order).over(self.branch)
 
     @cached_property
     def _ahead(self) -> SeriesManifold:
@@ -227,7 +220,8 @@ class SeriesManifold(Card):
         The series is asymptotic, not convergent, as a rule: its error is about the first terms left out, so it is best
         cut before the smallest ones. Two orders more than the series has are looked at, where they are short enough;
         when the terms are still falling then, the answer is the series' own order. Terms that cancellation has left
-        without digits do not count: the order before the first of them is the last.
+        without digits do not count: the order before the first of them is the last. Near a zero of several terms the
+        answer may be too low, and `truncation_error` is that of the sum which is cut there.
         """
         _, orders, _, single = self._best_terms(x, epsilon, near)
         return int(orders[0]) if single else orders
@@ -237,7 +231,9 @@ class SeriesManifold(Card):
 
         Three times the envelope of the next two terms, summed as a geometric series: no bound, but meant to be above
         the true error, as a rule by a factor of 5. Where nothing is known beyond an order, its last term stands in.
-        Where the terms after it rise by smaller and smaller factors, it is three times the last of these.
+        Where the terms after it rise by smaller and smaller factors, it is three times the last of these. All terms
+        are taken at the point itself: what a steep front upstream has left there, exp(-distance/(epsilon speed)), is
+        beyond all orders and in none of them.
         """
         _, _, error, single = self._best_terms(x, epsilon, near)
         return float(error[0]) if single else error
@@ -316,38 +312,32 @@ class SeriesManifold(Card):
         Expanded numerators of long series cancel: a term may be rounding altogether, and look like any other.
         """
         noise = np.zeros(terms.shape[:2])
-        for i, ulps in enumerate(JITTER):
+        for i, ulps in enumerate((1.0, 2.0, 3.0)):
             signs = 1.0 - 2.0 * ((np.arange(coordinates.shape[1]) + i) % 2)
             moved = self.terms_at(coordinates * (1.0 + ulps * signs * np.finfo(float).eps), epsilon)
             noise = np.maximum(noise, np.linalg.norm(moved - terms, axis=2))
         sizes = np.linalg.norm(terms, axis=2)
-        lost = (noise > LOST * sizes) & (noise > AUDIBLE * (units(coordinates)[:, None] + sizes[:, :1]))
+        # Digits are lost when the change is a tenth, and more than rounding of the sum would be.
+        lost = (noise > 0.1 * sizes) & (noise > 1e-13 * (units(coordinates)[:, None] + sizes[:, :1]))
         return np.where(lost.any(axis=1), np.maximum(np.argmax(lost, axis=1) - 1, 0), terms.shape[1] - 1)
 
     @cached_property
     def _h_function(self):
         special = self.specialised
-        outputs = [special._h[i][k] for k in range(self.order + 1) for i in range(len(special._h))]
-        return self._compiled(outputs)
+        return self._compiled([row[k] for k in range(self.order + 1) for row in special._h])
 
     @cached_property
     def _slope_function(self):
         special = self.specialised
         ring = special.chart.ring
-        outputs = [
-            ring.derive(special._h[i][k], j).reduced()
-            for k in range(self.order + 1)
-            for i in range(len(special._h))
-            for j in range(ring.derivations)
-        ]
-        return self._compiled(outputs)
+        rows, places = range(self.order + 1), range(ring.derivations)
+        return self._compiled(
+            [ring.derive(row[k], j).reduced() for k in rows for row in special._h for j in places]
+        )
 
     def _compiled(self, elements: list[RingElement]):
-        system = self.branch.system
-        ring = self.specialised.chart.ring
-        return compile_over(
-            system, tuple(ring.horner(element) for element in elements), arguments=self.coordinates
-        )
+        outputs = tuple(map(self.specialised.chart.ring.horner, elements))
+        return compile_over(self.branch.system, outputs, arguments=self.coordinates)
 
     @cached_property
     def _rates_function(self):
@@ -397,6 +387,11 @@ def best_sum(
     """h_epsilon (m, n_fast) over `x` at each point's own `optimal_order`, these orders and the errors (m,), at once."""
     terms, orders, left_out, _ = series._best_terms(x, epsilon, near)
     return terms.cumsum(axis=1)[np.arange(len(terms)), orders], orders, left_out
+
+
+def length(series: SeriesManifold) -> str:
+    """How long its longest coefficient is, in words."""
+    return f"{max(series.sizes)} {'steps' if series.is_program else 'terms'}"
 
 
 def series_of(expansion: Expansion, order: int) -> SeriesManifold:

@@ -94,7 +94,7 @@ def zero_derivative(
     `tolerance` (1 + |y|), or, where the estimate starts to grow before that, the order where it is least.
 
     Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point
-    over `x`, and `UnsupportedFunctionError` for a field with Piecewise and the like, which have no jets.
+    over `x`, and `UnsupportedFunctionError` for a field with floor and the like, which have no jets.
 
     The points belong to the formal slow manifold: where its series converges, as at a node of the slow flow, that
     may be another invariant curve than the one followed from upstream (see `solve_manifold`).
@@ -161,11 +161,11 @@ def climb(
     errors = np.empty(m)
     codes = np.zeros(m, dtype=np.int64)
     jet = address_of(flow_jet_with_tangents, JET)
-    fixed = (jet, tape.instructions, constants, tape.rates, epsilon, len(system.x), xs, ys)
+    flow = (jet, tape.instructions, constants, tape.rates, epsilon, len(system.x))
     if order is None:
         orders = np.empty(m, dtype=np.int64)
-        jets = kernel.to_tolerance(*fixed, tolerance, LARGEST_CHOSEN, orders, errors, codes)
+        jets = kernel.to_tolerance(flow, xs, ys, tolerance, LARGEST_CHOSEN, orders, errors, codes)
     else:
-        jets = sum(kernel.at_order(*fixed, int(order), errors, codes))
+        jets = sum(kernel.at_order(flow, xs, ys, int(order), errors, codes))
         orders = np.where(codes == kernel.CONVERGED, int(order), -1)
     return ys, orders, errors, codes, int(jets)

@@ -26,8 +26,6 @@ SMALLEST_SHARE = 1 / 64
 # over a pole of the branch, on whose other side another slow manifold lies.
 BENDING = 0.1
 LARGEST, ATTEMPTS = 48, 64
-# The last elements are halved until the fastest direction is resolved too, but not more often than this.
-HALVINGS = 14
 # Drifts below this share of epsilon (1 + |y|) vanish by accident.
 NEGLIGIBLE = 1e-3
 NEWTON_STEPS = 12
@@ -215,7 +213,8 @@ def _graded(flow: _CriticalFlow, z, lengths, counts, fastest, decayed, drift, is
     last = np.maximum(counts, 1) - 1
     rows = np.arange(k)
     ratio = lengths[rows, last] * fastest / flow.epsilon / DECAY
-    halvings = np.clip(np.ceil(np.log2(np.maximum(ratio, 1.0))), 0, HALVINGS).astype(np.int64)
+    # The last elements are halved until the fastest direction is resolved too, but not more often than this.
+    halvings = np.clip(np.ceil(np.log2(np.maximum(ratio, 1.0))), 0, 14).astype(np.int64)
     halvings[counts == 0] = 0
     extra = int(halvings.max(initial=0))
     if extra == 0:

@@ -28,8 +28,6 @@ from gsp.systems.flow import check_epsilon
 from gsp.systems.region import Interval, check_region
 
 SMALLEST_TOLERANCE = 1e-14
-# Points at which the residual is looked at.
-CHECKS = 300
 # The residual over the gap is the error to leading order: on random systems it fell short of it by up to 1.11.
 SAFETY = 2.0
 # What the estimated error may exceed the tolerance by before the status says so.
@@ -268,7 +266,8 @@ class _Work:
     # -- the finished surface ----------------------------------------------------------------------
 
     def _checked(self, surface: ChebyshevSurface, grid: np.ndarray, values: np.ndarray) -> SampledManifold:
-        unit = np.random.default_rng(0).random((CHECKS, len(self.intervals)))
+        # Points at which the residual is looked at.
+        unit = np.random.default_rng(0).random((300, len(self.intervals)))
         x = self.intervals[:, 0] + unit * (self.intervals[:, 1] - self.intervals[:, 0])
         defect, normal = defect_of(self.branch, surface, self.epsilon, x)
         error = np.linalg.norm(divide(normal, defect[:, :, None])[:, :, 0], axis=1)

@@ -10,11 +10,6 @@ import sympy as sp
 
 from gsp.proofs.spectrum import IMAGINARY
 
-# A constant basis is a proof whatever its digits; few of them keep the exact expressions short.
-BITS = 10
-# Beyond so many fast variables exact eigenvectors are not looked for.
-MOST_EXACT = 3
-
 
 @dataclass(frozen=True, eq=False)
 class AdaptedBasis:
@@ -39,7 +34,8 @@ def adapted_bases(
     if m == 1:
         yield AdaptedBasis(sp.eye(1), ((0,),), (1 if at[0, 0] > 0.0 else -1,))
         return
-    if m <= MOST_EXACT and matrix.has(*x):
+    # Beyond so many fast variables exact eigenvectors are not looked for.
+    if m <= 3 and matrix.has(*x):
         exact = _eigenvectors(matrix, points[0])
         if exact is not None:
             vectors, values = exact
@@ -90,6 +86,7 @@ def _constant(at: np.ndarray) -> AdaptedBasis:
         columns += [np.real(vectors[:, i]), np.imag(vectors[:, i])] if paired else [np.real(vectors[:, i])]
         blocks.append(tuple(range(first, len(columns))))
         signs.append(1 if eigenvalues[i].real > 0.0 else -1)
-    scale = 2**BITS
+    # A constant basis is a proof whatever its digits; few of them keep the exact expressions short.
+    scale = 2**10
     rounded = sp.Matrix(len(at), len(at), lambda i, j: sp.Rational(round(columns[j][i] * scale), scale))
     return AdaptedBasis(rounded, tuple(blocks), tuple(signs))

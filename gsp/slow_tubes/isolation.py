@@ -42,10 +42,6 @@ from gsp.slow_tubes.solved_flow import SolvedFlow
 Widths = Sequence[float] | np.ndarray
 # A part is not halved below this share of the region's side: what fails there fails.
 NARROWEST = 2.0**-10
-# No side is cut to a smaller share than that of the longest one over this.
-UNEVEN = 64.0
-# Boxes that decide a side of the region; what they do not decide is called mixed.
-SIDE_BOXES = 256
 
 
 @dataclass(eq=False)
@@ -99,11 +95,8 @@ class Isolation:
 
         # The signs at the corners say which way to try, if any.
         ways = {sign(tuple((v, v) for v in corner)) for corner in itertools.product(*face)}
-        if (
-            len(ways) == 1
-            and (way := ways.pop())
-            and _proved(face, lambda box: sign(box) == way, Tally(SIDE_BOXES))
-        ):
+        # Boxes that decide a side of the region; what they do not decide is called mixed.
+        if len(ways) == 1 and (way := ways.pop()) and _proved(face, lambda box: sign(box) == way, Tally(256)):
             return way if upper else -way
         return 0
 
@@ -350,7 +343,8 @@ def _halves(
         return None
     axis = max(range(len(box)), key=shares.__getitem__)
     if variation is not None:
-        smear = [v if share >= max(shares) / UNEVEN else 0.0 for v, share in zip(variation(box), shares)]
+        # No side is cut to a smaller share than that of the longest one over this.
+        smear = [v if share >= max(shares) / 64.0 else 0.0 for v, share in zip(variation(box), shares)]
         if 0.0 < max(smear) < math.inf:
             axis = max(range(len(box)), key=smear.__getitem__)
     low, high = box[axis]

@@ -37,8 +37,6 @@ from gsp.systems.region import check_interval
 
 # Steps of the error over the span; its own error falls with their square.
 STEPS = 200
-# A million steps take hours.
-MOST_STEPS = 1_000_000
 # In the layer a step turns or shrinks z by this, while z is as large as at the start; and is at least this share of the
 # time since.
 GRADED, LEAST = 0.05, 0.0125
@@ -105,7 +103,8 @@ def bound_reduction(
             got=f"the implicit branch {branch}",
             value=branch,
         )
-    steps = check_whole(steps, what="steps", least=1, most=MOST_STEPS)
+    # A million steps take hours.
+    steps = check_whole(steps, what="steps", least=1, most=1_000_000)
     small = check_epsilon(epsilon)
     first, last = check_interval(span, what="span", remedy="Give (t0, t1) with t0 < t1.")
     slow, fast = [s.name for s in system.x], [s.name for s in system.y]

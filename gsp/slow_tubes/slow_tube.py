@@ -39,10 +39,6 @@ from gsp.systems.scattered_points import halton
 # epsilon_0 is the largest at which a tube of so many times the first term left out is proved: a tube may be isolating
 # and say nothing when it is wide.
 LARGEST_RATIO = 2.0
-# A system at this epsilon has no two time scales; the search ends there.
-LARGEST_EPSILON = 4.0
-# Bisection ends at this relative width.
-EPSILON_RESOLUTION = 0.02
 # Points at which what is left of a residual is looked at.
 POINTS = 8
 
@@ -205,7 +201,9 @@ class _TubeSearch:
         for problem in problems:
             good, bad, small = 0.0, math.inf, 0.125
             known: ProvedTube | None = None
-            while small <= LARGEST_EPSILON and small > 1e-9 and not bad <= good * (1.0 + EPSILON_RESOLUTION):
+            # Bisection ends at this relative width.
+            # A system at this epsilon has no two time scales; the search ends there.
+            while small <= 4.0 and small > 1e-9 and not bad <= good * (1.0 + 0.02):
                 tube = problem.within(small, LARGEST_RATIO, known)
                 if tube is not None:
                     self._keep(tube)

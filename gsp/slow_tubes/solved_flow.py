@@ -30,10 +30,6 @@ from gsp.slow_tubes.series_function import SeriesFunction
 
 # Coefficients of the residual on an interval, the last of them for the rest.
 ORDER = 16
-# Bits beyond those that a polynomial of degree N may lose, 3 N: those of T_N about 1, and of the shift to c.
-BITS = 192
-# Intervals whose polynomials are kept; each is asked for several times in a row.
-KEPT = 4096
 
 
 class SolvedFlow:
@@ -59,7 +55,9 @@ class SolvedFlow:
         # f, then the derivatives of f and of g by x, y and epsilon, row by row.
         self._slopes = BallFunction(arguments, [*f, *jacobian([*f, *g], arguments)])
         degree = surface.coefficients.shape[0] - 1
-        self._precision = BITS + 3 * degree
+        # Bits beyond those that a polynomial of degree N may lose, 3 N: those of T_N about 1, and of the shift
+        # to c.
+        self._precision = 192 + 3 * degree
         with precision(self._precision):
             self._exact = SeriesFunction(arguments, [*f, *g])
             self._p = [_polynomial(surface, i) for i in range(self.m)]
@@ -77,7 +75,8 @@ class SolvedFlow:
             with precision(self._precision):
                 at = [[*p(arb_poly([arb(c), 1])).coeffs(), *[arb(0)] * (ORDER + 2)] for p in self._p]
                 over = [_spread(q, h) for q in at]
-            if len(self._kept) >= KEPT:
+            # Intervals whose polynomials are kept; each is asked for several times in a row.
+            if len(self._kept) >= 4096:
                 self._kept.clear()
             found = self._kept[c, h] = at, over
         return c, h, *found

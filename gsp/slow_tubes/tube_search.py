@@ -20,8 +20,6 @@ from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import NARROWEST, Isolation, Tally, norm
 from gsp.slow_tubes.solved_flow import SolvedFlow
 
-# Bisection ends at this relative width.
-WIDTH_RESOLUTION = 0.005
 # Shares of the least tube that sampling suggests, tried in this order.
 SHARES = (1.005, 1.02, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 # Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
@@ -168,7 +166,8 @@ class TubeSearch:
             low = share
         if high == math.inf:
             return known
-        while high > low * (1.0 + WIDTH_RESOLUTION):
+        # Bisection ends at this relative width.
+        while high > low * (1.0 + 0.005):
             middle = math.sqrt(low * high)
             if isolation.faces(middle * shape):
                 high = middle

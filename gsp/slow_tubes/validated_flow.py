@@ -24,8 +24,6 @@ ORDER = 14
 REST = 1e-17
 # A box that does not hold its own image is widened so often, by this factor.
 WIDENINGS, WIDER = 20, 1.3
-# A step shorter than this share of the span ends the proof.
-SHORTEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +62,8 @@ def solution_steps(
         steepest = max(balls.magnitude(c[ORDER - 1]) for c in taylor)
         length = (REST / steepest) ** (1.0 / (ORDER - 1)) if steepest > 0.0 else end
         box = None
-        while length > SHORTEST * end and box is None:
+        # A step shorter than this share of the span ends the proof.
+        while length > 1e-9 * end and box is None:
             after = min(end, t + length)
             # t + length is rounded; the step is as long as the two doubles are apart.
             step = balls.above(arb(after) - arb(t))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 import sympy as sp
@@ -12,12 +12,20 @@ from sympy.polys.domains import EXRAW
 from sympy.polys.matrices import DomainMatrix
 
 from gsp.algebra.differentiation import derivative
-from gsp.algebra.elimination_over_rationals import at_point, connected_parts, generic_point, independent_columns
+from gsp.algebra.elimination_over_rationals import (
+    at_point,
+    connected_parts,
+    generic_point,
+    independent_rows,
+    numbers_at,
+)
 from gsp.algebra.factorisation import factored, lowest_terms
-from gsp.algebra.first_integrals import common_factor
+from gsp.algebra.first_integrals import common_factor, linear_relations
 from gsp.algebra.laurent import laurent, pole_order
-from gsp.algebra.substitution import substituted
-from gsp.errors import SplittingError
+from gsp.algebra.polynomials import rational
+from gsp.algebra.rational_matrices import rational_matrix
+from gsp.algebra.sharing import operations, plus, reciprocal, times
+from gsp.errors import DegenerateError, SplittingError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.systems.system import VectorField
@@ -29,12 +37,10 @@ SEARCH_STEPS = 60
 UNITS, DECADES, STARTS_IN_UNITS = 32, (-12.0, 16.0), 8
 SEARCH_TOLERANCE = 1e-10
 RANK_TOLERANCE = 1e-7
-# More principal minors are not added up.
-PRINCIPAL_MINORS = 1000
 # Expressions with more operations are not rewritten for looks.
 TIDY_LIMIT = 120
 RATIONAL_LIMIT = 5000
-# Determinants are expanded by rows up to this size; the number of terms grows like the factorial.
+# Determinants of matrices up to this size are expanded by rows; the number of terms grows like the factorial.
 LAPLACE = 4
 
 
@@ -46,7 +52,11 @@ def principal_part(field: VectorField) -> tuple[list[sp.Expr], list[sp.Expr]]:
     for rate in field.rates:
         pole, regular = [], []
         # Expansion in epsilon only: products of sums that contain it are multiplied out, the rest is kept.
-        for term in sp.Add.make_args(sp.collect(sp.expand_mul(rate), epsilon, evaluate=True)):
+        # Exponentials are hidden, as SymPy's `collect` makes powers exp(u)**(1/5) of exp(u/5).
+        hidden = {atom: sp.Dummy() for atom in rate.atoms(sp.exp)}
+        meaning = {symbol: atom for atom, symbol in hidden.items()}
+        collected = sp.collect(sp.expand_mul(rate.xreplace(hidden)), epsilon, evaluate=True).xreplace(meaning)
+        for term in sp.Add.make_args(collected):
             for part in sp.Add.make_args(sp.expand_mul(term)):
                 if not pole_order(part, epsilon):
                     regular.append(part)
@@ -90,23 +100,29 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
         if converged:
             matrices.append(_matrix(compiled[1], point, p))
             found += _ranks(matrices[-1])
-    for _ in range(0 if found else UNITS):
+
+    def in_units() -> Iterator[list[np.ndarray]]:
+        """DL (n, n) at the zeros that are found, the states in units that are drawn, and in these units."""
         # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre.
-        units = 10.0 ** random.uniform(*DECADES, len(states))
-        found = _ranks_in_units(z[:: SEARCH_STARTS // STARTS_IN_UNITS], units, compiled, p)
+        for _ in range(UNITS):
+            units = 10.0 ** random.uniform(*DECADES, len(states))
+            yield list(_matrices_in_units(z[:: SEARCH_STARTS // STARTS_IN_UNITS], units, compiled, p))
+
+    for there in in_units() if not found else ():
+        found = [ranks for matrix in there for ranks in _ranks(matrix, _by_rows)]
         if found:
             break
     if not found:
         raise SplittingError(
             f"no real equilibrium of the fast part {shown(field, layer)} was found, and without one there is no "
             "critical manifold.",
-            "A fast rotation or drift is averaged, not reduced; or check the parameters' values.",
+            "A fast rotation or drift is averaged, by `average`, not reduced; or check the parameters' values.",
         )
     if max(rank for rank, _ in found) == 0:
-        raise SplittingError(
+        raise DegenerateError(
             f"the fast part {shown(field, layer)} vanishes to second order on its zeros, so no direction is "
             "hyperbolic there.",
-            "Rescale the fast variables.",
+            "Rescale the fast variables; gsp.scalings(field) looks for powers of the small parameter.",
         )
     # Isolated equilibria have full rank and say nothing about the manifold next to them.
     on_manifolds = [rank for rank, _ in found if 0 < rank < len(states)]
@@ -114,19 +130,23 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
         return len(states)
     rank = max(on_manifolds, key=on_manifolds.count)
     # Rates of a million beside rates of one: in the square the latter are rounding.
-    if (rank, rank) not in found and not any(_has_as_many_eigenvalues(matrix, rank) for matrix in matrices):
-        raise SplittingError(
+    # Where a switch is flat to rounding its zeros say nothing; in other units they are where it is steep.
+    looked_at = itertools.chain([matrices], in_units())
+    if (rank, rank) not in found and not any(
+        _has_as_many_eigenvalues(matrix, rank) for there in looked_at for matrix in there
+    ):
+        raise DegenerateError(
             f"the fast part {shown(field, layer)} is tangent to its own zeros (its linear part is nilpotent "
             "there), so no direction is normally hyperbolic.",
-            "Rescale the fast variables, or average.",
+            "Rescale the fast variables (gsp.scalings(field) looks for powers of the small parameter), or average.",
         )
     return rank
 
 
-def _ranks_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarray) -> list[tuple[int, int]]:
-    """Ranks of DL and of its square at the zeros found from `starts` (m, n), the states in `units` (n,).
+def _matrices_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarray) -> Iterator[np.ndarray]:
+    """DL (n, n) at the zeros found from `starts` (m, n), the states in `units` (n,), each then in units of its value.
 
-    What is a zero, and what is a rank, is judged relative to the terms, each state in units of its value.
+    What is a zero is judged relative to the terms.
     """
 
     def values(z: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -135,7 +155,6 @@ def _ranks_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarr
     def matrix(z: np.ndarray, p: np.ndarray) -> np.ndarray:
         return (_matrix(compiled[1], z * units, p) * units / units[:, None]).ravel()
 
-    found: list[tuple[int, int]] = []
     for start in starts:
         z, converged = _equilibrium(start, (values, matrix), p)
         there = _matrix(matrix, z, p)
@@ -143,8 +162,7 @@ def _ranks_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarr
         if not converged or (np.abs(values(z, p)) > SEARCH_TOLERANCE * sizes).any():
             continue
         own = np.where(z == 0.0, 1.0, np.abs(z))
-        found += _ranks(there * own / own[:, None], _by_rows)
-    return found
+        yield there * own / own[:, None]
 
 
 def _ranks(
@@ -163,7 +181,8 @@ def _has_as_many_eigenvalues(matrix: np.ndarray, rank: int) -> bool:
     It is judged by the terms of the minors, and is the same in all units of the states.
     """
     n = len(matrix)
-    if math.comb(n, rank) > PRINCIPAL_MINORS or _numerical_rank(_by_rows(matrix)) != rank:
+    # More principal minors are not added up.
+    if math.comb(n, rank) > 1000 or _numerical_rank(_by_rows(matrix)) != rank:
         return False
     chosen = [matrix[np.ix_(rows, rows)] for rows in itertools.combinations(range(n), rank)]
     terms = sum(float(np.prod(np.abs(minor).sum(axis=1))) for minor in chosen)
@@ -181,7 +200,7 @@ def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:
         if component != 0 and not component.has(*field.states):
             raise SplittingError(
                 f"the fast part of {state}' is {component}/{field.epsilon}, which has no equilibrium.",
-                "A fast drift or rotation is averaged, not reduced.",
+                "A fast drift or rotation is averaged, by `average`, not reduced.",
             )
 
 
@@ -225,54 +244,77 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
         f = common_factor(layer, states)
         if f.has(*states):
             return sp.ImmutableMatrix((L / f).applyfunc(lowest_terms)), sp.ImmutableMatrix([f])
+    relations = linear_relations(layer, states)
+    if relations is not None and len(relations) == len(states) - rank:
+        # The last component in each is a combination of the others, which stand in no other one last.
+        last = [max(i for i, c in enumerate(relation) if c != 0) for relation in relations]
+        rows = [i for i in range(len(states)) if i not in last]
+        constant = sp.zeros(len(states), rank)
+        for j, i in enumerate(rows):
+            constant[i, j] = sp.S.One
+            for relation, k in zip(relations, last):
+                constant[k, j] = lowest_terms(-relation[i] / relation[k])
+        return sp.ImmutableMatrix(constant), sp.ImmutableMatrix([layer[i] for i in rows])
     DL = jacobian(L, states)
-    places = _block(DL, rank, generic_point((*states, *field.parameters)))
-    if places is None:
+    values = numbers_at(DL, generic_point((*states, *field.parameters)))
+    rows = [] if values is None else independent_rows(values)[:rank]
+    if values is None or len(rows) < rank:
         raise SplittingError(f"the fast part {shown(field, layer)} has no {rank} independent components.")
-    rows, columns = places
+    columns = independent_rows([[values[i][j] for i in rows] for j in range(len(states))])
     # DL = N Df on {f = 0}, so N follows from any invertible block.
     N = DL.extract(list(range(len(states))), columns) * inverse(DL.extract(rows, columns))
-    return sp.ImmutableMatrix(N.applyfunc(reduced)), sp.ImmutableMatrix([layer[i] for i in rows])
-
-
-def _block(
-    matrix: sp.Matrix, rank: int, point: dict[sp.Symbol, sp.Rational]
-) -> tuple[list[int], list[int]] | None:
-    """The first rows and columns (`rank` each) that make an invertible block; None where there are none."""
-    values = at_point(matrix, point)
-    if values is not None:
-        rows = independent_columns(values.transpose(), range(matrix.rows))[:rank]
-        chosen = at_point(matrix.extract(rows, list(range(matrix.cols))), point) if len(rows) == rank else None
-        return None if chosen is None else (rows, independent_columns(chosen, range(matrix.cols)))
-    for rows in itertools.combinations(range(matrix.rows), rank):
-        for columns in itertools.combinations(range(matrix.cols), rank):
-            block = matrix.extract(list(rows), list(columns))
-            if block.applyfunc(lambda e: substituted(e, point)).det() != 0:
-                return list(rows), list(columns)
-    return None
+    return sp.ImmutableMatrix(reduced(N)), sp.ImmutableMatrix([layer[i] for i in rows])
 
 
 def inverse(matrix: sp.Matrix) -> sp.Matrix:
-    """The inverse by cofactors of the parts that stand apart: nothing is simplified, which can take minutes."""
+    """The inverse, of the parts that stand apart each: nothing is simplified, which can take minutes.
+
+    By cofactors up to `LAPLACE` rows, beyond by elimination, whose steps are shared.
+    """
     found = sp.zeros(matrix.rows, matrix.cols)
     for rows, columns in connected_parts(matrix.todok(), *matrix.shape):
-        cofactors, determinant = _cofactors(matrix.extract(rows, columns))
-        for (i, j), cofactor in cofactors.todok().items():
-            found[columns[i], rows[j]] = cofactor / determinant
+        part = matrix.extract(rows, columns)
+        inverted = _by_cofactors(part) if len(rows) <= LAPLACE else _by_elimination(part)
+        for (i, j), entry in inverted.todok().items():
+            found[columns[i], rows[j]] = entry
     return found
 
 
-def _cofactors(matrix: sp.Matrix) -> tuple[sp.Matrix, sp.Expr]:
+def _by_elimination(matrix: sp.Matrix) -> sp.Matrix:
+    """The inverse by elimination, the pivots those that are largest at the generic point."""
+    exact = rational_matrix(matrix)
+    if exact is not None:
+        return sp.Matrix(matrix.rows, matrix.cols, [rational(e) for row in exact.inv().table() for e in row])
+    n = matrix.rows
+    values = numbers_at(matrix, generic_point(sorted(matrix.free_symbols, key=str)))
+    if values is None:
+        raise SplittingError(f"the matrix of {n} fast directions has no value at a generic point.")
+    left = [[*matrix.row(i), *(sp.Integer(int(i == j)) for j in range(n))] for i in range(n)]
+    order: list[int] = []
+    for k in range(n):
+        pivot = max((i for i in range(n) if i not in order), key=lambda i: abs(values[i][k]))
+        order.append(pivot)
+        scale = reciprocal(left[pivot][k])
+        values[pivot] = [value / values[pivot][k] for value in values[pivot]]
+        left[pivot] = [times(scale, entry) for entry in left[pivot]]
+        for i in range(n):
+            if i != pivot and left[i][k] != 0:
+                value, factor = values[i][k], times(sp.S.NegativeOne, left[i][k])
+                values[i] = [a - value * b for a, b in zip(values[i], values[pivot])]
+                left[i] = [plus([a, times(factor, b)]) for a, b in zip(left[i], left[pivot])]
+    return sp.Matrix([left[pivot][n:] for pivot in order])
+
+
+def _by_cofactors(matrix: sp.Matrix) -> sp.Matrix:
     n = matrix.rows
     cofactors = sp.Matrix(n, n, lambda i, j: (-1) ** (i + j) * _determinant(matrix.minor_submatrix(j, i)))
-    return cofactors, sp.Add(*[matrix[0, j] * cofactors[j, 0] for j in range(n)])
+    determinant = sp.Add(*[matrix[0, j] * cofactors[j, 0] for j in range(n)])
+    return cofactors.applyfunc(lambda cofactor: cofactor / determinant)
 
 
 def _determinant(matrix: sp.Matrix) -> sp.Expr:
     if matrix.rows == 0:
         return sp.Integer(1)
-    if matrix.rows > LAPLACE:
-        return matrix.det(method="berkowitz")
     terms = [
         (-1) ** j * matrix[0, j] * _determinant(matrix.minor_submatrix(0, j))
         for j in range(matrix.cols)
@@ -281,10 +323,12 @@ def _determinant(matrix: sp.Matrix) -> sp.Expr:
     return sp.Add(*terms)
 
 
-def reduced(expression: sp.Expr) -> sp.Expr:
-    """`expression` in lowest terms, unless it is long: `cancel` takes minutes on nested sines and roots."""
-    limit = RATIONAL_LIMIT if expression.is_rational_function() else TIDY_LIMIT
-    return expression if sp.count_ops(expression) > limit else lowest_terms(expression)
+def reduced(matrix: sp.Matrix) -> sp.Matrix:
+    """`matrix` with its entries in lowest terms, unless it is long: nested sines and roots take minutes."""
+    length = operations(matrix)
+    if length > RATIONAL_LIMIT or (length > TIDY_LIMIT and not all(e.is_rational_function() for e in matrix)):
+        return matrix
+    return matrix.applyfunc(lowest_terms)
 
 
 def jacobian(column: Iterable[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Matrix:
@@ -304,7 +348,11 @@ def tidy(expression: sp.Expr) -> sp.Expr:
     """The shortest of a few equal forms; long expressions are left as they are."""
     if sp.count_ops(expression) > TIDY_LIMIT:
         return expression
-    forms = (expression, factored(expression), lowest_terms(expression), sp.factor_terms(expression))
+    # One function of one argument stays one in all components, whatever its argument's factors.
+    stand_in = {function: sp.Dummy() for function in expression.atoms(sp.Function)}
+    back = {dummy: function for function, dummy in stand_in.items()}
+    terms = sp.factor_terms(expression.xreplace(stand_in)).xreplace(back)
+    forms = (expression, factored(expression), lowest_terms(expression), terms)
     return min(forms, key=sp.count_ops)
 
 

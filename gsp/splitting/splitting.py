@@ -11,13 +11,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.brevity import brief_list
 from gsp.algebra.elimination_over_rationals import at_point, generic_point, independent_columns
 from gsp.algebra.factorisation import factored
 from gsp.algebra.first_integrals import first_integrals
@@ -37,11 +38,11 @@ from gsp.splitting.fast_part import (
     shown,
     tidy,
 )
+from gsp.splitting.restriction import restricted
+from gsp.splitting.scaling import Scaling, scalings
+from gsp.splitting.switches import Switch, has_switches, with_fast, without_switches
 from gsp.systems.arguments import check_noun
 from gsp.systems.system import SlowFastSystem, VectorField
-
-# More sets of fast variables are not compared where first integrals are nonlinear: one is chosen by elimination.
-MOST_CHOICES = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,11 @@ class Splitting(Card):
     `system` is the standard form, or `None` when the field stays non-standard. `coordinates` maps each new symbol
     to its expression in the raw states, `inverse` each raw state to its expression in the new ones. F = N f/epsilon + G
     with `N` (n, k), `layer` f (k, 1), `drift` G (n, 1). `route` names how the slow coordinates were found.
+
+    Where the field has switches phi(s/epsilon), `field` is the one in which v = s/epsilon is a state, `switches` says
+    in place of which, and that state is among the observables. Where it has a pole of higher order, `field` is the one
+    in the variables and the time of `scaling`. Where a second small parameter was named, `second` is how the flow on
+    {f = 0} splits in that, to leading order.
     """
 
     field: VectorField
@@ -63,6 +69,9 @@ class Splitting(Card):
     route: str
     nonzero: tuple[sp.Expr, ...] = ()
     rescaled: bool = False
+    switches: tuple[Switch, ...] = ()
+    scaling: Scaling | None = None
+    second: Splitting | None = None
 
     @property
     def is_standard(self) -> bool:
@@ -77,14 +86,14 @@ class Splitting(Card):
     @cached_property
     def fast_jacobian(self) -> sp.ImmutableMatrix:
         """Df N (k, k) on {f = 0}: its eigenvalues decide normal hyperbolicity, whatever the coordinates."""
-        return (jacobian(self.layer, self.field.states) * self.N).applyfunc(reduced).as_immutable()
+        return reduced(jacobian(self.layer, self.field.states) * self.N).as_immutable()
 
     @cached_property
     def projection(self) -> sp.ImmutableMatrix:
         """Pi = 1 - N (Df N)^-1 Df (n, n), valid on {f = 0}: the projection along the fast fibres."""
         Df = jacobian(self.layer, self.field.states)
         identity = sp.eye(len(self.field.states))
-        return (identity - self.N * inverse(self.fast_jacobian) * Df).applyfunc(reduced).as_immutable()
+        return reduced(identity - self.N * inverse(self.fast_jacobian) * Df).as_immutable()
 
     @cached_property
     def reduced_field(self) -> sp.ImmutableMatrix:
@@ -92,29 +101,41 @@ class Splitting(Card):
         epsilon = self.field.epsilon
         assert epsilon is not None
         drift = self.drift.applyfunc(lambda e: laurent(e, epsilon, order=0).get(0, sp.Integer(0)))
-        return (self.projection * drift).applyfunc(reduced).as_immutable()
+        along = inverse(self.fast_jacobian) * (jacobian(self.layer, self.field.states) * drift)
+        return reduced(drift - self.N * along).as_immutable()
 
-    def to_new(self, values: Mapping[str, float]) -> dict[str, float]:
-        """New coordinates, by name, of raw values given by name."""
-        return _evaluated(self.coordinates, values, self.field)
+    def to_new(self, values: Mapping[str, float], *, epsilon: float | None = None) -> dict[str, float]:
+        """New coordinates, by name, of raw values given by name; where the field has switches at a value of epsilon."""
+        return _evaluated(self.coordinates, self._with_fast(values, epsilon), self.field)
 
     def to_raw(self, values: Mapping[str, float]) -> dict[str, float]:
         """Raw states, by name, of new coordinates given by name."""
         return _evaluated(self.inverse, values, self.field)
 
+    def _with_fast(self, values: Mapping[str, float], epsilon: float | None) -> Mapping[str, float]:
+        """Raw values with those of the switches' fast variables in place of the states that they replace."""
+        return values if epsilon is None else with_fast(self.switches, values, epsilon, self.field.parameters)
+
     def explain(self) -> str:
         """The reasons, in words."""
         states = ", ".join(s.name for s in self.field.states)
         epsilon = self.field.epsilon
-        lines = [f"The field in ({states}) is F = N f/{epsilon} + G with"]
+        lines = [f"Switches of {epsilon}: {switch}" for switch in self.switches]
+        if self.scaling is not None:
+            mu = self.scaling.original.epsilon
+            lines.append(
+                f"The pole in {mu} is of higher order; it is simple in scaled variables, {self.scaling}."
+            )
+        lines += [f"The field in ({states}) is F = N f/{epsilon} + G with"]
         if self.rescaled:
             lines.insert(0, f"The field is given in fast time; it was divided by {epsilon} to be in slow time.")
-        lines += [f"  f = {list(self.layer)}", f"  N = {self.N.tolist()}"]
+        rows = ", ".join(map(brief_list, self.N.tolist()))
+        lines += [f"  f = {brief_list(self.layer)}", f"  N = [{rows}]"]
         if self.system is None:
             lines.append(
                 "No full set of first integrals of the layer problem z' = N f was found (linear, polynomial to "
                 "degree 3, one quadrature), so the system stays non-standard. The leading-order reduced field is "
-                f"Pi G = {list(self.reduced_field)} on {{f = 0}}."
+                f"Pi G = {brief_list(self.reduced_field)} on {{f = 0}}."
             )
             return "\n".join(lines)
         lines.append(self.route)
@@ -124,39 +145,47 @@ class Splitting(Card):
         if self.nonzero:
             conditions = ", ".join(f"{e} != 0" for e in self.nonzero)
             lines.append(f"The change of coordinates is invertible where {conditions}.")
+        if self.second is not None:
+            lines += [f"On {{f = 0}}, to leading order in {epsilon}:", self.second.explain()]
         return "\n".join(lines)
 
     def __repr__(self) -> str:
         if self.system is None:
-            return f"Splitting(non-standard, f = {list(self.layer)})"
+            return f"Splitting(non-standard, f = {brief_list(self.layer)})"
         slow = ", ".join(f"{x} = {self.coordinates[x]}" for x in self.system.x)
-        return f"Splitting(slow: {slow}; fast: {', '.join(y.name for y in self.system.y)})"
+        then = "" if self.second is None else f"; then {self.second!r}"
+        return f"Splitting(slow: {slow}; fast: {', '.join(y.name for y in self.system.y)}{then})"
 
     def __str__(self) -> str:
         return self.explain()
 
 
 @np.errstate(all="ignore")
-def split(field: VectorField | SlowFastSystem) -> Splitting:
+def split(field: VectorField | SlowFastSystem, *, second: str | sp.Symbol | None = None) -> Splitting:
     """Slow and fast variables of a field z' = F(z, epsilon) with a simple pole in epsilon.
 
-    A field in fast time, F = F_0 + epsilon F_1, is first divided by epsilon. Raises `SplittingError`, naming the
-    offending term, when F has a pole of higher order, when the fast part has no equilibria, vanishes to second
-    order, or leaves no slow variable.
+    A field in fast time, F = F_0 + epsilon F_1, is first divided by epsilon. In one with switches phi(s/epsilon) a new
+    variable v = s/epsilon, which is fast, takes the place of a state: `Splitting.switches` says which. One with a pole
+    of higher order is split in scaled variables where the pole is simple: `Splitting.scaling` says which. With a
+    `second` small parameter, a name, the flow on the critical manifold is split in that one: three time scales, of
+    which `nest` gives the series. Raises `SplittingError`, naming the offending term, when no scaling makes a pole
+    simple, when the fast part has no equilibria, vanishes to second order, or leaves no slow variable, and when the
+    critical manifold of the first has no formula; `DegenerateError` where a time scale is hidden.
 
     >>> x, y, eps = sp.symbols("x y epsilon")
     >>> split(VectorField({x: (y - x)/eps, y: (x - y)/eps - y}, epsilon=eps))
     Splitting(slow: p = x + y; fast: x)
     """
+    if second is not None:
+        found = split(field)
+        if found.system is None:
+            raise SplittingError(
+                f"the field has no standard form, so that the flow on its critical manifold is not split in {second}.",
+                "Put it into slow and fast variables first.",
+            )
+        return replace(found, second=split(restricted(found.system, second)))
     if isinstance(field, SlowFastSystem):
-        rates = dict(zip(field.states, field.rates))
-        field = VectorField(
-            rates,
-            epsilon=field.epsilon,
-            parameters=field.parameters,
-            name=field.name,
-            observables=field.observables,
-        )
+        field = field.as_field()
     check_noun(field, (VectorField, SlowFastSystem), verb="split")
     epsilon = field.epsilon
     if epsilon is None:
@@ -164,6 +193,11 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
             f"the field in {', '.join(s.name for s in field.states)} has no small parameter.",
             "It can be integrated, not split. Declare it with epsilon=, the symbol of its small parameter.",
         )
+    if has_switches(field):
+        changed, switches = without_switches(field)
+        return replace(split(changed), switches=switches)
+    if has_higher_pole(field):
+        return _split_scaled(field)
     field, rescaled = _slow_time(field)
     layer, drift = principal_part(field)
     rank = layer_rank(layer, field)
@@ -172,7 +206,7 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
         raise SplittingError(
             f"every state is fast: the fast part {shown(field, layer)} has isolated equilibria, so there is "
             "no slow variable and no slow manifold.",
-            "Check which rates carry 1/epsilon.",
+            "Check which rates carry 1/epsilon. Two states that turn about one another are averaged, by `average`.",
         )
     integrals = first_integrals(layer, field.states, count=n - rank)
     if len(integrals) == n - rank:
@@ -201,34 +235,48 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
     )
 
 
+def has_higher_pole(field: VectorField) -> bool:
+    """Whether the field has a pole in epsilon that is not simple."""
+    epsilon = field.epsilon
+    if epsilon is None or has_switches(field):
+        return False
+    return any(pole_order(rate, epsilon) > 1 for rate in field.rates)
+
+
+def _split_scaled(field: VectorField) -> Splitting:
+    """The splitting in the first scaled variables in which there is a standard form."""
+    for scaling in scalings(field):
+        if scaling.time > 0:
+            # In a faster time what the model does stands still.
+            continue
+        try:
+            found = split(scaling.field)
+        except SplittingError:
+            continue
+        if found.is_standard:
+            return replace(found, scaling=scaling)
+    epsilon = field.epsilon
+    assert epsilon is not None
+    orders = {z: pole_order(rate, epsilon) for z, rate in field.equations.items()}
+    state = max(orders, key=lambda z: orders[z])
+    terms = sp.Add.make_args(sp.expand(field.equations[state]))
+    term = max(terms, key=lambda part: pole_order(part, epsilon))
+    raise SplittingError(
+        f"the rate of {state} has a pole of order {orders[state]} in {epsilon}: the term {term}.",
+        "Only simple poles split into two time scales, and no scaling of variables and time by small powers of "
+        f"{epsilon} leaves a fast part that is hyperbolic and something slow. Where there are three time "
+        f'scales take nest(scene, small=["{epsilon}", "{epsilon}"]).',
+    )
+
+
 def _slow_time(field: VectorField) -> tuple[VectorField, bool]:
     """The field with its pole; a field in fast time is divided by epsilon."""
     epsilon = field.epsilon
     assert epsilon is not None
-    orders = {z: pole_order(rate, epsilon) for z, rate in field.equations.items()}
-    highest = max(orders.values())
-    if highest > 1:
-        state = max(orders, key=lambda z: orders[z])
-        terms = sp.Add.make_args(sp.expand(field.equations[state]))
-        term = max(terms, key=lambda part: pole_order(part, epsilon))
-        raise SplittingError(
-            f"the rate of {state} has a pole of order {highest} in {epsilon}: the term {term}.",
-            f"Only simple poles split into two time scales. Rescale {epsilon}, or treat the fastest scale "
-            "first.",
-        )
+    highest = max(pole_order(rate, epsilon) for rate in field.rates)
     if highest == 1:
         return field, False
-    divided = {z: sp.expand(rate / epsilon) for z, rate in field.equations.items()}
-    return (
-        VectorField(
-            divided,
-            epsilon=epsilon,
-            parameters=field.parameters,
-            name=field.name,
-            observables=field.observables,
-        ),
-        True,
-    )
+    return field.as_field({z: sp.expand(rate / epsilon) for z, rate in field.equations.items()}), True
 
 
 def _fast_choices(integrals, layer, field: VectorField, rank: int):
@@ -238,7 +286,9 @@ def _fast_choices(integrals, layer, field: VectorField, rank: int):
     own = {phi for phi in integrals if phi in states}
     used = set().union(*(component.free_symbols for component in layer))
     values = at_point(gradient, {**generic_point(states), **field.parameters})
-    if values is not None and (not gradient.has(*states) or math.comb(len(states), rank) > MOST_CHOICES):
+    # More sets of fast variables are not compared where first integrals are nonlinear: one is chosen by
+    # elimination.
+    if values is not None and (not gradient.has(*states) or math.comb(len(states), rank) > 300):
         # What is eliminated is a basis of the columns: first what had better not be fast.
         order = sorted(
             range(len(states)), key=lambda i: (states[i] not in own, states[i] in used, layer[i] != 0, -i)

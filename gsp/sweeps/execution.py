@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from gsp.errors import OutputError
-from gsp.sweeps.plan import Record
+from gsp.results.point_verbs import Record
 from gsp.sweeps.store import Store
 from gsp.sweeps.worker import compute_chunk, compute_point, fill, subject_of
 from gsp.systems.arguments import shown

@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -22,8 +21,6 @@ NOT_COMPUTED, COMPUTED, FAILED, DIED = range(4)
 # More chunks than this make the folder slow to list; a chunk then holds more points.
 CHUNKS = 100_000
 FORMAT = 1
-
-Record = Mapping[str, Any]
 
 
 @dataclass(frozen=True)

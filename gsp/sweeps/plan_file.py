@@ -26,13 +26,11 @@ import numpy as np
 from gsp.errors import DeclarationError, ModelFileError
 from gsp.readers import toml_values
 from gsp.readers.toml import read_document
-from gsp.sweeps.tasks import VERBS
+from gsp.results.point_verbs import point_verbs
 from gsp.systems.arguments import check_whole, shown
 
 KEYS = ("task", "model", "options", "over", "points_per_chunk")
 RANGE = ("from", "to", "count", "spacing")
-# Values along an axis that a range may ask for.
-COUNT = 10_000_000
 
 
 def read_plan_file(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -49,8 +47,9 @@ def _arguments(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         if key not in KEYS:
             raise ModelFileError.none_of(KEYS, key, f"{key} is no key of a plan.", "The keys are")
     task = document.get("task")
-    if not isinstance(task, str) or task not in VERBS:
-        raise ModelFileError(f"task is a verb: {', '.join(VERBS)}.", got=shown(task), value=task, known=VERBS)
+    known = tuple(point_verbs())
+    if task not in known:
+        raise ModelFileError(f"task is a verb: {', '.join(known)}.", got=shown(task), value=task, known=known)
     model = document.get("model")
     if not isinstance(model, str) or not model:
         raise ModelFileError("model is a built-in name or a model file.", got=shown(model), value=model)
@@ -93,7 +92,8 @@ def _values(values: Any, key: str) -> list[float]:
     if missing:
         raise ModelFileError(f"{key} lacks {', '.join(missing)}.", "Write { from = 0, to = 1, count = 11 }.")
     low, high = (float(toml_values.number(values[name], f"{key}.{name}")) for name in RANGE[:2])
-    count = check_whole(values["count"], what=f"{key}.count", least=1, most=COUNT)
+    # Values along an axis that a range may ask for.
+    count = check_whole(values["count"], what=f"{key}.count", least=1, most=10_000_000)
     spacing = values.get("spacing", "linear")
     if spacing not in ("linear", "log"):
         raise ModelFileError(f'{key}.spacing is "linear" or "log".', got=shown(spacing), value=spacing)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -176,3 +177,13 @@ def _xarray_or_remedy() -> Any:
             "Install it with pip install 'gsp-toolkit[sweeps]'.",
         ) from None
     return xarray
+
+
+def kept(root: Path) -> Store:
+    """The store that the sweep in `root` fills now; raises `OutputError` when the folder holds none."""
+    try:
+        saved = json.loads((root / "plan.json").read_text(encoding="utf-8"))
+        data = Path(saved["data"]).name
+    except (OSError, ValueError, KeyError, TypeError):
+        raise OutputError(f"{root} holds no sweep.", "Start one with sweep(..., into=...).") from None
+    return Store.open(root / data)

@@ -12,23 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gsp.errors import DeclarationError
-from gsp.sweeps.plan import Record, Variable
+from gsp.results.point_verbs import Record, point_verbs
+from gsp.sweeps.plan import Variable
 from gsp.systems.arguments import shown
 
 if TYPE_CHECKING:
     from gsp.scenes.study import Study
-    from gsp.sweeps.verbs import Verb
-
-VERBS = (
-    *("integrate", "classify", "certify", "compare", "choose", "failure_map", "canard_value", "periodic_orbit"),
-)
 
 
-def verb_of(name: str) -> Verb:
-    """The verb of this name; the whole package is imported with it."""
-    from gsp.sweeps.verbs import VERBS as FOUND
-
-    return FOUND[name]
+def is_verb(name: str) -> bool:
+    """Whether a task's name is that of a verb, not "module:function"."""
+    return ":" not in name
 
 
 def name_of(task: object) -> str:
@@ -37,22 +31,22 @@ def name_of(task: object) -> str:
     Raises `DeclarationError` for what is neither.
     """
     if isinstance(task, str):
-        if task in VERBS or ":" in task:
+        if not is_verb(task) or task in point_verbs():
             return task
         raise DeclarationError(
             f"no sweep does {shown(task)}.",
-            f"The verbs are {', '.join(VERBS)}; a function is given as it is.",
+            f"The verbs are {', '.join(point_verbs())}; a function is given as it is.",
             value=task,
-            known=VERBS,
+            known=tuple(point_verbs()),
         )
     module, name = getattr(task, "__module__", None), getattr(task, "__qualname__", None)
     if callable(task) and module and name:
-        if module.partition(".")[0] == "gsp" and name in VERBS:
+        if module.partition(".")[0] == "gsp" and name in point_verbs():
             return name
         if module != "__main__" and name.isidentifier():
             return f"{module}:{name}"
     raise DeclarationError(
-        f"a task is a verb ({', '.join(VERBS)}) or a function at the top of a module that other processes "
+        f"a task is a verb ({', '.join(point_verbs())}) or a function at the top of a module that other processes "
         "can import.",
         "Put the function into a module.",
         got=shown(task),
@@ -62,9 +56,9 @@ def name_of(task: object) -> str:
 
 def check_options(name: str, options: Mapping[str, object]) -> None:
     """Raises `DeclarationError` for an option that a verb does not have."""
-    if name not in VERBS:
+    if not is_verb(name):
         return
-    parameters = inspect.signature(verb_of(name).record).parameters.values()
+    parameters = inspect.signature(point_verbs()[name].record).parameters.values()
     known = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
     for option in options:
         if option not in known:
@@ -89,7 +83,7 @@ def function_of(name: str) -> Callable[..., Any]:
 
 def source_of(name: str) -> str:
     """What tells whether a task has changed: the digest of the function's text; a verb changes with the version."""
-    if name in VERBS:
+    if is_verb(name):
         return name
     try:
         return hashlib.sha256(inspect.getsource(function_of(name)).encode()).hexdigest()
@@ -111,7 +105,7 @@ def variables_of(
             got=f"{shown(record)} from {task}",
             value=record,
         )
-    verb = verb_of(task) if task in VERBS else None
+    verb = point_verbs()[task] if is_verb(task) else None
     labels = {} if verb is None else verb.labels(study, **options)
     codes = {} if verb is None else verb.codes
     found = {}

@@ -14,17 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gsp.errors import DeclarationError, one_line
-from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Record, Variable
+from gsp.results.point_verbs import Record, point_verbs
+from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Variable
 from gsp.sweeps.store import STATUS, Store
-from gsp.sweeps.tasks import VERBS, encoded, function_of, variables_of, verb_of
+from gsp.sweeps.tasks import encoded, function_of, is_verb, variables_of
 from gsp.systems.arguments import check_positive
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
     from gsp.scenes.study import Study
 
-# A message in the ledger is at most so long.
-MESSAGE = 500
 # Verbs share stages of the theory, and those of a process are made one at a time.
 _ALONE = threading.Lock()
 
@@ -41,7 +40,7 @@ class Subject:
         """Raises `DeclarationError` for an axis that is no number of the scene, and for one that is given twice."""
         scene = self.scene
         if scene is None:
-            if task in VERBS:
+            if is_verb(task):
                 raise DeclarationError(f"{task} is done to a model.", "Give one: model='chaplygin_sleigh'.")
             return
         known = self.names
@@ -116,8 +115,8 @@ def compute_point(plan: Plan, subject: Subject, coordinates: Mapping[str, float]
     """What the task of a plan records at one point; raises what the task raises."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if plan.task in VERBS:
-            return verb_of(plan.task).record(*subject.at(coordinates), **plan.options)
+        if is_verb(plan.task):
+            return point_verbs()[plan.task].record(*subject.at(coordinates), **plan.options)
         function = function_of(plan.task)
         if subject.scene is None:
             return function(**coordinates, **plan.options)
@@ -170,7 +169,8 @@ def fill(store: Store, chunk: int, found: Callable[[tuple[int, ...]], Record | s
                 continue
             values = {name: encoded(record, variable) for name, variable in store.plan.variables.items()}
         except Exception as error:
-            blocks[STATUS][place], messages[number] = FAILED, one_line(error, MESSAGE)
+            # A message in the ledger is at most so long.
+            blocks[STATUS][place], messages[number] = FAILED, one_line(error, 500)
             continue
         for name, value in values.items():
             blocks[name][place] = value

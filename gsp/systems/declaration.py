@@ -13,6 +13,7 @@ from sympy.core.function import AppliedUndef
 from gsp.algebra.canonical import new_parts
 from gsp.algebra.laurent import misplaced_epsilon
 from gsp.algebra.substitution import UNCOMPARABLE, is_long_power
+from gsp.algebra.switches import misplaced_pieces, surface_of
 from gsp.errors import DeclarationError
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Values
@@ -90,11 +91,13 @@ def equations_of(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
 
 
 def _exact_numbers(expression: sp.Expr, seen: set[sp.Basic]) -> sp.Expr:
-    """`expression` with exact numbers for floats; `seen` are parts known to hold none, and gets more of them."""
+    """`expression` with exact numbers for floats, and real symbols; `seen` are parts known to be so, and gets more."""
     new = new_parts(expression, seen)
-    floats = [part for part in new if isinstance(part, sp.Float)]
-    if floats:
-        return expression.xreplace({number: exact(number) for number in floats})
+    rule: dict[sp.Basic, sp.Basic] = {part: exact(part) for part in new if isinstance(part, sp.Float)}
+    # Evaluated, SymPy writes Abs(exp(x)) as exp(re(x)).
+    rule |= {part: part.args[0] for part in new if isinstance(part, sp.re) and part.args[0].is_Symbol}
+    if rule:
+        return expression.xreplace(rule)
     seen |= new
     return expression
 
@@ -109,6 +112,7 @@ def checked_parameters(
     observables: Mapping[sp.Symbol, sp.Expr],
     epsilon: sp.Symbol | None,
     parameters: Mapping,
+    may_switch: bool = False,
 ) -> dict[sp.Symbol, sp.Rational]:
     """Parameter values, exact, in the order given, after every check that does not depend on the noun."""
     if epsilon is not None and not isinstance(epsilon, sp.Symbol):
@@ -166,11 +170,26 @@ def checked_parameters(
         if epsilon is not None:
             wrong = misplaced_epsilon(expression, epsilon, symbols_of)
             if wrong is not None:
-                raise DeclarationError(
-                    f"{epsilon} stands in {wrong}, which is no pole or power of {epsilon}.",
-                    f"Replace it by its Taylor polynomial in {epsilon}, or rescale.",
-                )
+                _check_switches(expression, epsilon, states, may_switch)
     return values
+
+
+def _check_switches(
+    expression: sp.Expr, epsilon: sp.Symbol, states: tuple[sp.Symbol, ...], may_switch: bool
+) -> None:
+    """Raise `DeclarationError` where epsilon stands in a function, unless that is a switch where one may be."""
+    for piece in misplaced_pieces([expression], epsilon):
+        surface = surface_of(piece, epsilon, states)
+        if surface is None:
+            raise DeclarationError(
+                f"{epsilon} stands in {piece}, which is no pole or power of {epsilon}.",
+                f"Replace it by its Taylor polynomial in {epsilon}, or rescale.",
+            )
+        if not may_switch:
+            raise DeclarationError(
+                f"{epsilon} stands in {piece}, a switch on {surface} = 0, which is no pole or power of {epsilon}.",
+                f"Declare a VectorField: `split` makes a fast variable of ({surface})/{epsilon}.",
+            )
 
 
 def _check_names(symbols: Iterable[sp.Symbol]) -> None:

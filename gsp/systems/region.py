@@ -40,6 +40,26 @@ class ImageBox(Mapping[str, Interval]):
         return f"ImageBox({dict(self.intervals)})"
 
 
+def state_sizes(region: Mapping[str, Interval], *points: Mapping[str, float]) -> dict[str, float]:
+    """How large states are: the furthest end of each one's interval, or its values at `points`.
+
+    One that is 0 in all of them says nothing of its size, and is left out.
+
+    >>> state_sizes({"x": (-3, 2)}, {"x": 1.0, "y": 0.0})
+    {'x': 3.0}
+    """
+    sizes = {name: max(abs(float(low)), abs(float(high))) for name, (low, high) in region.items()}
+    for point in points:
+        for name, value in point.items():
+            sizes[name] = max(sizes.get(name, 0.0), abs(float(value)))
+    return {name: size for name, size in sizes.items() if size > np.finfo(float).tiny}
+
+
+def powers_of_two(sizes: Sequence[float] | np.ndarray) -> np.ndarray:
+    """The power of two next to each of the positive `sizes` (n,): units that leave every digit as it is."""
+    return np.exp2(np.round(np.log2(sizes)))
+
+
 def with_sides(region: Mapping[str, Interval], sides: Mapping[str, Interval]) -> Mapping[str, Interval]:
     """The region with other intervals for some names; the states of an image stay what they were."""
     intervals = MappingProxyType({**region, **sides})

@@ -40,6 +40,16 @@ class _Declared(Flow):
             observables=self.observables,
         )
 
+    def as_field(self, equations: Mapping[sp.Symbol, sp.Expr] | None = None) -> VectorField:
+        """The field of `equations`, by default its own with any 1/epsilon written out; all else stays as it is."""
+        return VectorField(
+            dict(zip(self.states, self.rates)) if equations is None else equations,
+            epsilon=self.epsilon,
+            parameters=self.parameters,
+            name=self.name,
+            observables=self.observables,
+        )
+
     def __repr__(self) -> str:
         equations = [f"{argument}={_names(getattr(self, part))}" for argument, part in self._given.items()]
         return (
@@ -158,8 +168,9 @@ class SlowFastSystem(_Declared, Card):
 class VectorField(_Declared, Card):
     """A field z' = F(z, epsilon); F may have poles in epsilon. Without `epsilon` it has no small parameter.
 
-    Such a field can be integrated, not split. Raises `DeclarationError` as `SlowFastSystem` does,
-    and when `epsilon` is given but appears in no equation.
+    F may hold switches, functions of s/epsilon with s a function of the states, such as tanh((V - u)/epsilon).
+    A field without a small parameter can be integrated, not split. Raises `DeclarationError` as `SlowFastSystem`
+    does, and when `epsilon` is given but appears in no equation.
 
     >>> v, w, eps = sp.symbols("v w epsilon")
     >>> VectorField(states={v: -w, w: -w/eps + v}, epsilon=eps)
@@ -193,6 +204,7 @@ class VectorField(_Declared, Card):
             observables=watched,
             epsilon=epsilon,
             parameters={} if parameters is None else parameters,
+            may_switch=True,
         )
         if epsilon is not None and not any(e.has(epsilon) for e in equations.values()):
             shown = ", ".join(f"{s}' = {e}" for s, e in equations.items())

@@ -20,8 +20,6 @@ from gsp.roots import root
 
 # A solution of the curve with its tangent and whatever belongs to it.
 Node = TypeVar("Node")
-# No pair of tangents is nearer than this, for the choice of a step.
-STRAIGHT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,8 @@ class Pace:
     def after(self, length: float, corrections: int, turn: float) -> float:
         """The step after one of `length`."""
         by_corrections = 2.0 ** ((self.corrections - corrections) / 2.0)
-        factor = min(by_corrections, self.turn / max(turn, STRAIGHT))
+        # No pair of tangents is nearer than this, for the choice of a step.
+        factor = min(by_corrections, self.turn / max(turn, 1e-3))
         return min(length * float(np.clip(factor, 0.5, self.growth)), self.longest)
 
 

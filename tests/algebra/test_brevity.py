@@ -24,11 +24,20 @@ def test_a_long_sum_shows_its_first_terms_and_how_many_there_are() -> None:
     assert f"{sp.Add(*x)} ".startswith(text.removesuffix("... (100 terms)"))
 
 
-def test_a_long_product_shows_its_first_characters_and_how_many_there_are() -> None:
+def test_a_long_product_shows_its_first_characters_and_how_many_operations_it_has() -> None:
     product = sp.Mul(*sp.symbols("x0:100"))
-    assert brief(product) == f"{str(product)[:SHOWN]} ... ({len(str(product))} characters)"
+    assert brief(product) == f"{str(product)[:SHOWN]} ... (99 operations)"
     longest = sp.Symbol("x" * SHOWN)
     assert brief(longest) == longest.name
+
+
+def test_what_is_too_long_to_be_printed_shows_the_terms_that_are_not() -> None:
+    x, y = sp.symbols("x y")
+    deep = 1 / (x - y)
+    for _ in range(30):
+        deep = sp.Mul(deep + x, deep - y, evaluate=False)
+    assert brief(sp.Add(-x, 2 * y, deep, evaluate=False)) == "-x + 2*y + 3 terms"
+    assert brief(deep).endswith(" operations")
 
 
 def test_a_branch_of_many_variables_is_shown_in_a_line() -> None:

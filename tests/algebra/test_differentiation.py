@@ -43,3 +43,32 @@ def test_a_broken_power_of_a_product_has_a_slope_where_a_factor_vanishes(power) 
 def test_the_slope_in_the_exponent_is_the_logarithm_s() -> None:
     assert derivative(u**n, n) == u**n * sp.log(u)
     assert derivative((v / 3) ** u, u) == (v / 3) ** u * sp.log(v / 3)
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        u * v * (u + v + K) * (K - u) ** 2,
+        (u + v) / (K + u * v),
+        sp.sqrt(u + v) * sp.exp(-u) / (1 + u**2) ** 3,
+        sp.sin(u * (u + v)) * (u + v) ** -1,
+        K * (u - v) * sp.tanh((u - K) / v) * sp.cosh((u - K) / v),
+        sp.atan2(u, v * u) + sp.floor(u * v) + sp.Function("f")(u * v, u),
+        3 * (u - v) * (2 * u + K) / (7 * u),
+    ],
+    ids=str,
+)
+def test_products_and_sums_have_the_slope_that_sympy_gives_in_the_same_form(expression) -> None:
+    for symbol in (u, v, K):
+        assert derivative(expression, symbol) == sp.diff(expression, symbol)
+
+
+def test_a_sum_that_stands_in_many_rates_is_gone_through_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = sp.symbols("w:40")
+    total = sp.Add(*(sp.sin(w * u) for w in names))
+    asked = []
+    differentiate = sp.sin.fdiff
+    monkeypatch.setattr(sp.sin, "fdiff", lambda *given: asked.append(given) or differentiate(*given))
+    for w in names:
+        assert derivative(w * total * (K + v), u).has(sp.cos)
+    assert len(asked) <= len(names)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from gsp.algebra.functions import RULES, are_rational
 from gsp.algebra.polynomials import LONGEST
 from gsp.algebra.ring import LocalisedRing, read
+from gsp.algebra.ring_elements import power
 from gsp.errors import HyperbolicityError, UnsupportedFunctionError
 
 x, a = sp.symbols("x a")
@@ -205,3 +206,19 @@ def test_what_is_no_small_multiple_is_an_exponential_of_its_own(u: sp.Expr) -> N
     assert len(other.numerator) == 1
     assert other.numerator.total_degree() == 1
     assert same(ring.to_sympy(ring.derive(other, 0)), sp.exp(u).diff(x))
+
+
+def test_denominators_are_the_same_before_and_after_the_first_function() -> None:
+    """3 x + a^2 is monic by a^2 in a ring without functions, and by x where there are some."""
+    ring = LocalisedRing((x, a))
+    below = read(3 * x + a**2, ring, {})
+    before = power(below.inverse(), 2)
+    root = read(sp.sqrt(9 - x * a**3), ring, {})
+    after = power(read(3 * x + a**2, ring, {}).inverse(), 2)
+    assert (before - after).is_zero
+    assert before.reduced().key == after.reduced().key
+    assert (before * below * below - ring.one).reduced().is_zero
+    # q^2 = u lowers the power of q, though the degree of u is larger, so that 1/u ends.
+    inverse = (root * root).inverse()
+    assert (inverse * root * root - ring.one).reduced().is_zero
+    assert sp.simplify(ring.to_sympy(after) - 1 / (3 * x + a**2) ** 2) == 0

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import sympy as sp
 
-from gsp.algebra.sharing import DEEP, is_shared, named_parts, plus, times
+from gsp.algebra.sharing import DEEP, is_shared, largest, named_parts, plus, times
+from gsp.lowering.compiled_function import compile_function
 
 x, y = sp.symbols("x y")
 
@@ -38,3 +40,12 @@ def test_what_is_deep_has_names_on_the_way() -> None:
     for symbol, part in named:
         values[symbol] = part.xreplace(values)
     assert results[0].xreplace(values) == 5 * DEEP + 1
+
+
+def test_the_largest_of_what_is_shared_is_made_and_valued_without_walking_it() -> None:
+    doubled = x
+    for _ in range(60):
+        doubled = plus([doubled, doubled])
+    compiled = compile_function([largest(y, doubled)], arguments=[x, y])
+    points = np.array([[1.0, 3.0], [-1.0, 3.0], [1.0, 2.0**61]])
+    assert compiled(points, [np.nan])[:, 0].tolist() == [2.0**60, 3.0, 2.0**61]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import sympy as sp
 
+import gsp
 from gsp import models
 from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followed, surroundings
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import classify
+from gsp.report import write_report
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.singular.passage.fold_passage import fold_passage
@@ -112,3 +116,55 @@ def test_no_orbit_starts_on_a_repelling_branch() -> None:
 def test_a_graph_has_no_folds_where_none_of_its_functions_ends(graph, never) -> None:
     system = SlowFastSystem(slow={y: -y}, fast={x: graph - x}, epsilon=epsilon)
     assert never_folds(solve_critical(system).branches[0]) is never
+
+
+def planar(slow: sp.Expr, fast: sp.Expr, start: dict, region: dict) -> Scene:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={y: slow}, fast={x: fast}, epsilon=epsilon)
+    return Scene(
+        system,
+        region=region,
+        start=start,
+        span=(0.0, 0.5),
+        epsilon=0.01,
+        epsilons=(0.01, 0.005),
+        tolerance=1e-2,
+    )
+
+
+def test_what_is_proved_of_a_passage_and_of_a_cycle_by_an_axis_is_told(tmp_path) -> None:
+    """A predator without prey comes back late: one cycle, and its passage of the fold, in a report too."""
+    x, y = sp.symbols("x y")
+    eaten = x / (sp.Rational(3, 10) + x)
+    scene = planar(
+        y * (eaten - sp.Rational(2, 5)), x * (1 - x) - y * eaten, {"x": 0.7, "y": 0.2},
+        {"y": (0.15, 0.35), "x": (0.5, 0.95)},
+    )  # fmt: skip
+    analysis = gsp.analyse(scene)
+    cycle, passage = analysis.boundary.cycle, analysis.boundary.passage
+    assert cycle is not None
+    assert passage is not None
+    assert min(cycle.epsilon_1, passage.epsilon_0) >= 0.01
+    page = write_report(analysis, tmp_path / "report")
+    text = page.read_text(encoding="utf-8")
+    assert "just one closed orbit lies in the strip and tube of the figure" in text
+    assert "passes the strip of the figure" in text
+    content = json.loads((tmp_path / "report" / "report.json").read_text(encoding="utf-8"))
+    assert "passage.png" in content["figures"]
+    found = content["boundary"]["proved_passage"]
+    (low, high), level = passage.strip.exit if passage.strip else ((0.0, 0.0), ())
+    assert found["exit"] == {"y": [low, high], "x": list(level)}
+    # The fold is at y = 0.4225, and orbits leave after it.
+    assert 0.42 < low < 0.4225 < high < 0.45
+
+
+def test_a_delay_along_a_graph_is_proved_and_without_a_loss_nothing_is_said() -> None:
+    x, y = sp.symbols("x y")
+    region = {"y": (-1.0, -0.5), "x": (-0.2, 0.2)}
+    scene = planar(sp.S.One, x * (y - x), {"x": 0.0, "y": -1.0}, region)
+    passage = found(scene).passage
+    assert passage is not None
+    assert passage.delay is not None
+    assert 0.9 < passage.delay.stays_to < 1.0 < passage.delay.leaves_by
+    assert found(planar(sp.S.One, -x, {"x": 0.0, "y": -1.0}, region)).passage is None
+    assert found(models.load("michaelis_menten")).passage is None

@@ -21,8 +21,8 @@ x, y, a, epsilon = sp.symbols("x y a epsilon")
 NOUNS = sorted(name for name in CASES if not issubclass(getattr(gsp, name), (Enum, BaseException)))
 QUICK = ["Branch", "Scene", "SlowFastSystem", "Splitting", "VectorField"]
 WITH_MATHEMATICS = {
-    "Branch", "CanardValue", "CriticalManifold", "ReducedFlow", "Scene", "SeriesManifold", "SlowFastSystem",
-    "Splitting", "Study", "VectorField",
+    "Averaging", "BlowUp", "BlowUpChart", "Branch", "CanardValue", "CriticalManifold", "Nesting", "PiecewiseField",
+    "ReducedFlow", "Scene", "SeriesManifold", "SlowFastSystem", "Splitting", "Study", "VectorField",
 }  # fmt: skip
 
 

@@ -16,6 +16,8 @@ from gsp import SlowFastSystem, analyse, charts, compare, models
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import LADDER, mathematics, plain
 from gsp.comparison.method_table import method_table
+from gsp.comparison.work_precision import WorkPrecision
+from gsp.comparison.work_runs import WorkCurve, WorkKind, WorkPoint
 from gsp.errors import DeclarationError
 from gsp.fibres.composite_solution import composite
 from gsp.scenes.scene import Scene
@@ -279,3 +281,48 @@ def test_a_chart_on_what_is_no_axes_is_refused():
     run = gsp.integrate(models.load("linear").system, start={"x": 1, "y": 1}, span=(0, 1), epsilon=0.1)
     with pytest.raises(DeclarationError, match="matplotlib's Axes"):
         charts.trajectory(run, 3)
+
+
+def curve_of(label: str, kind: WorkKind, errors: list[float], seconds: list[float]) -> WorkCurve:
+    points = tuple(
+        WorkPoint(10.0**-k, e, e, s, steps=10, field_calls=60)
+        for k, (e, s) in enumerate(zip(errors, seconds), 3)
+    )
+    return WorkCurve(label, kind, points, order=int(label[-1]) if label.startswith("order") else None)
+
+
+def speed(*reduced: WorkCurve) -> WorkPrecision:
+    full = curve_of("default", WorkKind.FULL, [1e-3, 1e-5, 1e-7], [1e-5, 2e-5, 4e-5])
+    scene = models.load("linear")
+    return WorkPrecision(scene, 0.01, np.array([0.0, 1.0]), (full, *reduced), 1e-13, "from the start", {}, {})
+
+
+def test_models_that_lie_on_one_point_are_told_apart_and_said_to_be_equal() -> None:
+    same = [curve_of(f"order {k}", WorkKind.REDUCED, [1e-4, 1e-6, 1e-8], [2e-6, 4e-6, 8e-6]) for k in (1, 2)]
+    axes = charts.draw(speed(*same))
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert "order 2, as exact as order 1" in names
+    one, other = (line for line in axes.lines if str(line.get_label()).startswith("order"))
+    assert other.get_markersize() > one.get_markersize()
+    assert other.get_markerfacecolor() == "none"
+    apart = curve_of("order 2", WorkKind.REDUCED, [1e-5, 1e-7, 1e-9], [2e-6, 4e-6, 8e-6])
+    names = [text.get_text() for text in charts.draw(speed(same[0], apart)).get_legend().get_texts()]
+    assert "order 2" in names
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(1e-6, "a factor of 2"), (1e-3, "reducing saves nothing here")])
+def test_a_chart_says_what_reducing_saves(seconds: float, told: str) -> None:
+    found = speed(curve_of("order 0", WorkKind.REDUCED, [1e-5], [seconds]))
+    assert found.saving == pytest.approx(2e-5 / seconds)
+    assert told in str(found)
+    assert any(told in text.get_text() for text in charts.draw(found).texts)
+
+
+def test_the_axis_of_time_scales_ends_where_a_mode_stands_still() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    # The second mode is slow beyond all bounds: its rate is rounding.
+    field = gsp.VectorField({x: -x / epsilon, y: -sp.Rational(1, 10**13) * y}, epsilon=epsilon)
+    scales = gsp.time_scales(field, start={"x": 1, "y": 1}, span=(0, 2), epsilon=0.1)
+    assert np.nanmax(scales.times) > 1e12
+    low, high = charts.time_scales(scales).get_ylim()
+    assert low < 0.1 < high <= 2000

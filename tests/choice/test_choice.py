@@ -226,7 +226,7 @@ def test_what_is_chosen_meets_the_tolerance_where_it_is_measured(name: str) -> N
     "name",
     sampled(
         ["linear", "michaelis_menten", "chaplygin_sleigh", "rolling_disc", "lindemann"],
-        always=["michaelis_menten", "chaplygin_sleigh"],
+        always=["michaelis_menten", "rolling_disc"],
     ),
 )
 def test_the_steps_of_the_full_system_are_foreseen_within_a_factor_of_two(name: str) -> None:
@@ -449,15 +449,25 @@ def test_a_series_is_not_taken_across_a_kink() -> None:
     assert early.valid
 
 
-def test_a_layer_through_a_kink_is_told_with_its_start_and_its_place() -> None:
-    # y' = 1/2 - y up to the kink at y = 1/8, which a layer from -1 meets at log 4.
+def test_a_layer_through_a_kink_is_reduced_and_it_is_told_where_its_series_ends() -> None:
+    # The branch is 3/2 - x, and a layer from -1 meets the kink at y = 1/8 at log 4.
     kinks = 1 - y + sp.Abs(y - sp.Rational(1, 8)) - sp.Abs(y - sp.Rational(5, 8)) - x
-    asked = scene(sp.Integer(1), kinks, start={"x": 0, "y": -1}, region={"x": (-0.1, 1)}, span=(0, 0.5))
+    asked = scene(y - x / 2, kinks, start={"x": 0, "y": -1}, region={"x": (-0.1, 1)}, span=(0, 0.5))
+    found = choose(asked, orders=(0, 1, 2), tolerance=1e-2)
+    assert [c.order for c in found.candidates if c.valid and c.order is not None] == [1]
+    assert found.measured < 1e-2
+    assert "crosses a kink of the field at fast time 1.386, past which its series is known" in found.ending
+
+
+def test_a_layer_through_a_jump_is_told_with_its_start_and_its_place() -> None:
+    # y' = 7/8 - y up to the jump at y = 1/8, which a layer from -1 meets at log(5/2).
+    jump = 1 - y + sp.sign(y - sp.Rational(1, 8)) / 8 - x
+    asked = scene(sp.Integer(1), jump, start={"x": 0, "y": -1}, region={"x": (-0.1, 1)}, span=(0, 0.5))
     told = choose(asked, orders=(0,)).verdict.accuracy
     assert "the layer from y = -1 to the branch" in told
     place = told.partition("between the fast times ")[2].partition(":")[0]
     first, last = map(float, place.split(" and "))
-    assert first < np.log(4) < last
+    assert first < np.log(2.5) <= last + 1e-3
 
 
 def test_a_full_system_that_stops_on_the_piece_is_told() -> None:

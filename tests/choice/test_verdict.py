@@ -50,10 +50,10 @@ def test_accuracy_is_told_apart_from_speed() -> None:
     one = candidate(1, predicted=3e-6)
     found = verdict_of(one, one, FULL)
     assert found.answer is Answer.YES
-    assert "order 1 keeps to a relative error of 1e-05 over t = 0 to 1 at epsilon = 0.01" in found.accuracy
+    assert "order 1 stays within a relative error of 1e-05 over t = 0 to 1 at epsilon = 0.01" in found.accuracy
     assert "3.0e-06" in found.accuracy
     assert "fast" not in found.accuracy
-    assert "5 times as fast, 10 us a run against 50 us" in found.speed
+    assert "5 times as fast: 10 us a run against 50 us" in found.speed
     assert "2500 runs" in found.speed
     # What readying the full system takes is saved, whichever is run.
     assert "2000 runs" in verdict_of(one, one, replace(FULL, preparation=0.02)).speed
@@ -63,7 +63,7 @@ def test_a_model_that_is_exact_enough_and_no_faster_is_no_refusal() -> None:
     one = candidate(1, timings=(6e-5, 8e-5))
     found = verdict_of(FULL, one, FULL)
     assert found.answer is Answer.NO_GAIN
-    assert "keeps to" in found.accuracy
+    assert "stays within" in found.accuracy
     assert "takes longer: 60 us a run against 50 us" in found.speed
     assert "formula" in found.remedy
 
@@ -95,19 +95,22 @@ def test_what_comes_nearest_is_predicted_to_be_least_wrong() -> None:
     ]
     found = verdict_of(FULL, *flows, FULL, partial=flows[-1], layer=0.6)
     assert found.answer is Answer.NO
-    assert "the reduced flow of order 1 comes nearest" in found.accuracy
+    assert "The nearest is the reduced flow of order 1," in found.accuracy
 
 
 def test_a_solved_manifold_that_holds_longest_comes_nearest() -> None:
     flow = failing(2, Failure.ERROR, holds_until=0.3, predicted=1e-3)
     left = replace(flow, kind=ModelKind.SOLVED, order=None, failure=Failure.REGION, holds_until=0.8)
     found = verdict_of(FULL, flow, left, FULL, partial=flow)
-    assert "the flow on the solved manifold comes nearest" in found.accuracy
+    assert "The nearest is the flow on the solved manifold," in found.accuracy
     assert "The reduced flow of order 2 serves until t = 0.3." in found.accuracy
     assert "larger region" in found.remedy
     # One that was not solved holds nowhere, and one that ends before does not come nearer.
     for other in (replace(left, failure=None), replace(left, holds_until=0.2)):
-        assert "order 2 comes nearest" in verdict_of(FULL, flow, other, FULL, partial=flow).accuracy
+        assert (
+            "The nearest is the reduced flow of order 2,"
+            in verdict_of(FULL, flow, other, FULL, partial=flow).accuracy
+        )
 
 
 @pytest.mark.parametrize(
@@ -202,7 +205,7 @@ def test_the_answer_says_of_which_variables_it_speaks_and_what_the_fast_ones_are
     scene = Scene(system, {"x": (0, 1)}, {"x": 0, "y": 0}, (0, 1), 0.05)
     choice = choose(scene, orders=(0,), solve=False)
     assert choice.candidates[0].predicted < 1e-12
-    assert "in x, in the fast variables by" in choice.verdict.accuracy
+    assert "in x; in the fast variables it is" in choice.verdict.accuracy
     manifold = sp.lambdify(x, target, "numpy")
     size = abs(manifold(np.linspace(0, 1, 1001))).max()
     # The slow manifold lies about epsilon times the slope beside the critical one.

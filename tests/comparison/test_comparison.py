@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import models
+from gsp import load, models
 from gsp.comparison.comparison import compare, on_manifold, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.scenes.scene import Scene
@@ -14,6 +14,7 @@ from gsp.scenes.study import study_of
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem
 from tests.cases import thinned
+from tests.literature import FOLDER
 
 x, y, eps = sp.symbols("x y epsilon")
 
@@ -174,3 +175,30 @@ def test_the_card_says_where_both_runs_begin() -> None:
     assert "both runs begin on the slow manifold" in str(compare(scene, orders=(0,)))
     corrected = str(compare(scene, orders=(0,), correction=1))
     assert "the full run begins off the slow manifold, the reduced one at its base point" in corrected
+
+
+def test_functions_of_two_fast_variables_are_compared_through_order_four_by_programs() -> None:
+    # The polynomials of order 3 are beyond the budget of terms; those of order 2 have ten thousand.
+    z = sp.Symbol("z")
+    fast = {y: x - 3 * y + sp.tanh(y - z + x), z: sp.tanh(y * z) + x - 2 * z + sp.exp(-z)}
+    scene = Scene(
+        SlowFastSystem(slow={x: 1 - x + y * z}, fast=fast, epsilon=eps),
+        **{"region": {"x": (0, 2), "y": (-1, 2), "z": (-1, 2)}, "start": {"x": 0.5, "y": 0.3, "z": 0.3}},
+        **{"span": (0, 2), "epsilon": 0.05},
+    )
+    study = study_of(scene)
+    comparison = compare(study, orders=(2, 4))
+    assert [comparison.slopes[order] for order in (2, 4)] == pytest.approx([3, 5], abs=0.1)
+    assert comparison.ending == ""
+    short = study.short_series(6)
+    assert (short.order, short.is_program) == (3, True)
+    assert "at order 4 it has coefficients of 1090 steps, more than 600" in study.why_shorter(6)
+
+
+@pytest.mark.parametrize("name", ["icealbedo", "npz"])
+def test_order_one_is_better_by_a_power_beside_a_kink_and_where_two_limits_meet(name: str) -> None:
+    # Ice and albedo switch beside the run; Liebig's minimum is a kink of the fast rates.
+    found = compare(load(FOLDER / f"{name}.toml"), orders=(0, 1))
+    assert found.slopes[0] == pytest.approx(1.0, abs=0.1)
+    assert found.slopes[1] == pytest.approx(2.0, abs=0.1)
+    assert all(first < 0.2 * leading for leading, first in zip(found.errors[0], found.errors[1]))

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from matplotlib.figure import Figure
 
 from gsp import charts, models
 from gsp.comparison import comparison, survey
@@ -256,3 +257,22 @@ def test_a_series_at_rounding_is_not_past_its_optimal_order():
         tolerances=(1e-3, 1e-6),
     )
     assert (found.best_order >= max(found.orders)).all()
+
+
+def test_a_failure_map_by_method(van_der_pol) -> None:
+    found = van_der_pol
+    data = found.to_xarray()
+    for name, claim in found.places.items():
+        np.testing.assert_array_equal(data.place_measure.sel(place_method=name).values, claim.measure)
+        np.testing.assert_array_equal(data.place_holds.sel(place_method=name).values, claim.holds)
+    frame = found.to_pandas()
+    assert frame.to_dict("records")[0] == pytest.approx(found.as_rows()[0], nan_ok=True)
+
+
+def test_a_failure_map_is_plotted_as_two_maps_or_on_given_axes_as_one():
+    found = failure_map(models.load("linear"), epsilons=(0.05, 0.02), orders=(0, 1))
+    both = found.plot()
+    assert len(both.figure.axes) == 2
+    given = Figure().subplots()
+    assert found.plot(given) is given
+    assert given.get_xlabel() == both.get_xlabel()

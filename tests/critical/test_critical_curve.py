@@ -276,6 +276,23 @@ def test_a_transcritical_point_is_located_and_switched() -> None:
     assert kinds(other) == [LossKind.TRANSCRITICAL]
 
 
+def test_a_transcritical_point_is_told_in_any_units_of_the_fast_variables() -> None:
+    """Photons y1 on carriers y2 = 1: the rows of g_u differ by 10^12, and both are the rates of their variables."""
+    found = []
+    for power in (0, -6, 6):
+        k, m = sp.Integer(10) ** power, sp.Integer(10) ** -power
+        units = {y1: y1 / k, y2: y2 / m}
+        g = [e.xreplace(units) for e in (k * y1 * (y2 - 1), m * (2 - y2 + (x + y1) / 2 - y1 * y2))]
+        curve = continue_critical(
+            several(*g),
+            start={"x": 1, "y1": 3 * float(k), "y2": float(m)},
+            bounds={"x": (-4, 4), "y1": (-4 * float(k), 6 * float(k)), "y2": (0, 2 * float(m))},
+        )
+        (point,) = curve.of_kind(LossKind.TRANSCRITICAL)
+        found.append(point["x"])
+    assert found == pytest.approx([-2.0] * 3, abs=1e-9)
+
+
 @pytest.mark.parametrize("start", [{"x": -1, "y": 0}, {"x": 0.25, "y": 0.5}])
 def test_a_pitchfork_is_told_from_a_fold_on_both_its_branches(start) -> None:
     bounds = {"x": (-1, 1), "y": (-2, 2)}

@@ -10,7 +10,15 @@ import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import EDGE, Sampler, grid, neighbours
-from gsp.critical.sheet_points import Allowance, distinct, guesses, newton_at_each, signs, solve_each
+from gsp.critical.sheet_points import (
+    Allowance,
+    distinct,
+    fast_lengths,
+    guesses,
+    newton_at_each,
+    signs,
+    solve_each,
+)
 from gsp.errors import DeclarationError
 from gsp.systems.system import SlowFastSystem
 
@@ -177,11 +185,16 @@ def test_a_graph_keeps_its_slope_where_another_branch_passes_through_it() -> Non
     z = np.array([[0.5, 0.25], [1.0, 1.0]])
     assert own.tangents(z)[:, :, 0] == pytest.approx(np.array([[1.0, 1.0], [1.0, 2.0]]))
     assert own.jacobian_variation(z) == pytest.approx(1.0)
+    # At several such points at once, each has its own.
+    own = sampler({x: 1}, {y: (x - 1) * (x + 2) * (x**2 - y)})
+    z = np.array([[1.0, 1.0], [-2.0, 4.0], [0.5, 0.25]])
+    assert own.tangents(z)[:, 1, 0] == pytest.approx([2.0, -4.0, 1.0])
 
 
-def test_residuals_are_relative_to_the_point() -> None:
+def test_residuals_are_relative_to_how_far_the_branch_reaches() -> None:
     own = sampler({x: y}, {y: x - y})
-    assert own.residual(np.array([[1.0, 1.0], [9.0, 4.0]])) == pytest.approx(5 / 10)
+    # From the lower to the upper tenth of y: 3.7 - 1.3.
+    assert own.residual(np.array([[1.0, 1.0], [9.0, 4.0]])) == pytest.approx(5 / (3.7 - 1.3))
 
 
 def test_a_jacobian_is_singular_when_most_samples_say_so() -> None:
@@ -191,6 +204,28 @@ def test_a_jacobian_is_singular_when_most_samples_say_so() -> None:
     assert own.is_singular(samples[:3])
     assert not own.is_singular(samples[2:])
     assert not own.is_singular(np.full((2, 3), np.nan))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_neither_units_nor_factors_of_equations_make_a_jacobian_singular(size: float) -> None:
+    s = sp.Rational(size)
+    system = SlowFastSystem(
+        slow={u: -u}, fast={x: u - 2 * x + x**3 / 3 + y / s, y: s * sp.sin(u) - 3 * y + s * x}, epsilon=eps
+    )
+    branch = solve_critical(system).branches[0].through({"u": 0, "x": 0, "y": 0}, region={"y": (-size, size)})
+    own = Sampler(branch)
+    z, _ = own.points(np.linspace(-0.2, 0.2, 9)[:, None], {})
+    assert len(z) == 9
+    assert not own.is_singular(z)
+
+
+def test_a_variable_is_as_long_as_the_branch_reaches_and_a_constant_one_as_it_is_large() -> None:
+    y = np.array([[1e-9 * k, 5e6, 0.0] for k in range(9)])
+    lengths = fast_lengths(y, None)
+    np.testing.assert_allclose(lengths[:2], [6.4e-9, 5e6])
+    assert lengths[2] == lengths[0]
+    assert fast_lengths(y, (1.0, 1.0, 0.125))[2] == 0.125
+    assert fast_lengths(np.full((2, 1), np.nan), None) == 1.0
 
 
 def test_spectra_of_a_constant_large_jacobian_are_found_once_and_stand_everywhere() -> None:
@@ -273,3 +308,19 @@ def test_newton_at_rest_far_out_overflows_nothing() -> None:
     )
     assert good.all()
     assert found[0, 0] == 1e9
+
+
+@pytest.mark.parametrize("power", [-9, 0, 9])
+@pytest.mark.parametrize("factor", [sp.Rational(1, 10**6), sp.Integer(10) ** 6])
+def test_how_far_points_are_off_does_not_depend_on_units_nor_on_factors_of_the_rates(
+    power: int, factor
+) -> None:
+    unit = sp.Integer(10) ** power
+    rate = factor * (x**2 + 1 - y / unit) * unit
+    system = SlowFastSystem(slow={x: -x}, fast={y: rate}, epsilon=sp.Symbol("epsilon"))
+    sampler = Sampler(solve_critical(system).branches[0])
+    at = np.linspace(1.0, 2.0, 11)
+    on = np.stack([at, (at**2 + 1) * float(unit)], axis=1)
+    off = on + np.array([0.0, 1e-3 * float(unit)])
+    assert sampler.residual(on) < 1e-14
+    assert sampler.residual(off) == pytest.approx(1e-3 / (4.61 - 2.21), rel=1e-6)

@@ -306,6 +306,42 @@ def test_a_sheet_ends_where_g_is_not_finite() -> None:
     assert sheet.residual < 1e-12
 
 
+@pytest.mark.parametrize("power", [-6, 0, 6])
+def test_vertices_beside_a_pole_that_are_not_on_the_manifold_are_left_out_in_any_units(power: int) -> None:
+    """Budworms y on foliage a: cubes on the bound have their corners where the capacity y/(355 a) has no size."""
+    unit = sp.Integer(10) ** power
+    g = (
+        y * (1 - y / (355 * a)) * 38 / 25 - y**2 * 849 / (500 * (sp.Rational(111, 100) ** 2 * a**2 + y**2))
+    ) + 0 * b
+    scaled = unit * g.xreplace({s: s / unit for s in (a, y)})
+    number = float(unit)
+    bounds = {"a": (-(2.0**-53) * number, 1.6 * number), "b": (0, 1), "y": (-290 * number, 750 * number)}
+    start = {"a": 0.9 * number, "b": 0.5, "y": 318 * number}
+    sheet = critical_sheet(over(scaled), start=start, bounds=bounds)
+    assert sheet.status is Status.NON_FINITE
+    assert sheet.residual < 1e-12
+    values = sp.lambdify([a, y], g)(sheet["a"] / number, sheet["y"] / number)
+    assert np.abs(values).max() < 1e-9
+    assert np.array_equal(np.unique(sheet.triangles), np.arange(len(sheet.points)))
+
+
+@pytest.mark.parametrize("power", [-6, 0, 6])
+@pytest.mark.parametrize("edge", [-(2.0**-53), 0.0])
+def test_a_fold_beside_a_pole_on_the_bound_is_found_on_either_side_of_rounding(edge: float, power: int) -> None:
+    """Budworms y = a t on foliage a, folded where a = B/(r (1 - t/355) t) is least, t = 355/2 without saturation."""
+    unit = sp.Integer(10) ** power
+    r, B = sp.Rational(38, 25), sp.Rational(849, 500)
+    g = (r * y * (1 - y / (355 * a)) - B * y**2 / (a**2 / 10**12 + y**2)) + 0 * b
+    number = float(unit)
+    sheet = critical_sheet(
+        over(unit * g.xreplace({s: s / unit for s in (a, y)})),
+        start={"a": 0.9 * number, "b": 0.5, "y": 318 * number},
+        bounds={"a": (edge * number, 1.6 * number), "b": (0, 1), "y": (-290 * number, 750 * number)},
+    )
+    (fold,) = sheet.folds
+    assert fold["a"] / number == pytest.approx(float(4 * B / (355 * r)), rel=1e-9)
+
+
 def test_a_sheet_reports_its_progress_and_shows_itself() -> None:
     shares = []
     sheet = critical_sheet(

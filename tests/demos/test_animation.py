@@ -90,7 +90,7 @@ def test_the_critical_manifold_is_drawn_where_it_is(tmp_path: Path) -> None:
 def test_a_scene_of_three_variables_is_shown_in_a_plane_of_two(tmp_path: Path) -> None:
     shown = animation._motion(gsp.study(models.load("koper")))
     assert shown.curve is None
-    assert shown.plane == ("y", "x")
+    assert shown.plane == ("x", "y")
     assert len(frames(gsp.animate(models.load("koper"), tmp_path / "k.gif", seconds=0.1))) == 2
 
 
@@ -119,24 +119,13 @@ def test_what_cannot_be_written_is_refused_before_any_work(tmp_path: Path, monke
 
 SEEN = """
 title = "Two tanks"
-[slow]
-s = "-s*c"
-[fast]
-c = "s - c"
-[observables]
-total = "s + 2*c"
-[region]
-s = [0.1, 2]
-c = [0, 2]
-[start]
-s = 1
-c = 0.2
-[scene]
-span = [0, 2]
-epsilon = 0.05
-[units]
-s = "mol"
-t = "min"
+slow = { s = "-s*c" }
+fast = { c = "s - c" }
+observables = { total = "s + 2*c" }
+region = { s = [0.1, 2], c = [0, 2] }
+start = { s = 1, c = 0.2 }
+scene = { span = [0, 2], epsilon = 0.05 }
+units = { s = "mol", t = "min" }
 [views.space]
 x = "s"
 y = "c"
@@ -210,3 +199,37 @@ def test_the_critical_manifold_is_not_drawn_through_a_pole_beside_the_run() -> N
     np.testing.assert_allclose(curve[1][known], sp.lambdify(x, height)(curve[0][known]), atol=1e-9)
     down = known[:-1] & known[1:]
     assert not (down & (np.diff(curve[0] > 1) != 0)).any()
+
+
+def test_a_run_that_goes_round_is_shown_over_whole_cycles() -> None:
+    scene = replace(models.load("fitzhugh_nagumo"), span=(0, 12))
+    system = scene.system.with_parameters(I=0.8)
+    run = gsp.integrate(system, start=scene.start, span=(0, 12), epsilon=0.02)
+    begun, ended = moving.whole_cycles(run, ("w", "v"))
+    assert 0 < begun < ended < 12
+    at = run.sample(np.array([begun, ended]))
+    for name in ("v", "w"):
+        assert at[name][0] == pytest.approx(at[name][1], abs=0.02)
+    # As many periods as there are, to a whole number.
+    orbit = gsp.periodic_orbit(system, start={n: at[n][0] for n in ("v", "w")}, epsilon=0.02)
+    turns = (ended - begun) / orbit.period
+    assert turns == pytest.approx(round(turns), abs=0.01)
+    assert round(turns) >= 3
+
+
+def test_a_run_that_comes_to_rest_is_shown_whole() -> None:
+    scene = models.load("michaelis_menten")
+    full = gsp.study(scene).full(scene.epsilon)
+    assert moving.whole_cycles(full, ("s", "c")) == (full.t[0], full.t[-1])
+
+
+def test_a_film_has_the_axes_of_the_demo() -> None:
+    shown = animation._motion(gsp.study(models.load("van_der_pol")))
+    assert shown.plane == ("x", "y")
+    assert shown.against_time == "x"
+    left = still(shown)._fig.axes[0]
+    assert (left.get_xlim(), left.get_ylim()) == ((-2.3, 2.5), (-1.1, 1.1))
+    assert shown.curve is not None
+    x, y = shown.curve
+    known = np.isfinite(x)
+    np.testing.assert_allclose(y[known], x[known] ** 3 / 3 - x[known], atol=1e-9)

@@ -1,6 +1,7 @@
 """Stories: what they set exists, what they say holds, and every step draws itself."""
 
 import tomllib
+from dataclasses import replace
 from importlib.resources import files
 
 import pytest
@@ -8,24 +9,11 @@ import pytest
 import gsp
 from gsp import models
 from gsp.demos.demo import stories
-from gsp.demos.program import program_of
+from gsp.results.lettering import in_unicode
+from gsp.scenes.bearing import no_slip_of
+from gsp.scenes.settings import ask_again
 from tests.cases import sampled
 
-STEP = {"text", "epsilon", "parameters", "start", "end", "orders", "axes", "trace", "rivals", "play"}
-STEP |= {"marks", "tolerance", "fixed"}
-STORY = {
-    "axes",
-    "trace",
-    "space",
-    "frame",
-    "ranges",
-    "body",
-    "steps",
-    "window",
-    "logarithmic",
-    "work",
-    "compared",
-}
 # What a lecturer reads aloud in one breath or two.
 LONGEST = 320
 
@@ -40,25 +28,9 @@ def test_six_scenes_are_told() -> None:
 
 
 @pytest.mark.parametrize("name", stories())
-def test_a_story_sets_only_what_there_is(name: str) -> None:
-    told = story(name)
-    scene = models.load(name)
-    parts = program_of(gsp.study(scene)).parts
-    assert set(told) <= STORY
-    quantities, parameters = set(parts["quantities"]), set(parts["parameters"])
-    assert set(told["axes"]) | {told["trace"]} | set(told.get("frame", {})) <= quantities
-    assert set(told.get("window", {})) | set(told.get("logarithmic", ())) <= quantities
-    assert set(told["ranges"]) <= parameters
-    for step in told["steps"]:
-        assert set(step) <= STEP
-        assert 40 < len(step["text"]) <= LONGEST
-        assert set(step.get("axes", ())) | {step.get("trace", told["trace"])} <= quantities
-        assert set(step.get("parameters", {})) <= parameters
-        assert set(step.get("start", {})) <= {s.name for s in scene.full_flow.states}
-        assert set(step.get("orders", ())) <= {0, 1, 2, 3}
-        assert not step.get("rivals") or parts["claims"]
-        assert told.get("work") or not {"tolerance", "fixed"} & set(step)
-        assert {mark["axis"] for mark in step.get("marks", ())} <= quantities
+def test_a_step_is_read_aloud_in_a_breath_or_two(name: str) -> None:
+    for step in story(name)["steps"]:
+        assert 40 < len(step["text"].replace("$", "")) <= LONGEST
 
 
 @pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh", "koper")))
@@ -70,9 +42,8 @@ def test_every_step_draws_itself(name: str, page, tmp_path) -> None:
         if step:
             page.run("document.getElementById('next').click()")
         page.settle()
-        assert (
-            page.run("return document.getElementById('tale').textContent") == story(name)["steps"][step]["text"]
-        )
+        told = page.run("return document.getElementById('tale').textContent")
+        assert told.startswith(in_unicode(story(name)["steps"][step]["text"]).split("$")[0])
         assert page.inked("plane") > 2000
         page.measured()
         assert page.run("return current.result.full.status") == "reached"
@@ -128,6 +99,25 @@ def test_the_canard_value_that_is_told_is_the_one_that_is_computed(page, tmp_pat
     )
     assert page.run(lowest, 0.993491) > -0.5
     assert page.run(lowest, 0.9934908) < -1.5
+
+
+def test_the_blade_lets_go_where_it_is_told() -> None:
+    scene = models.load("sled")
+    told = story("sled")["steps"]
+    gentle = no_slip_of(gsp.study(replace(scene, span=(0, 12))))
+    assert gentle is not None
+    assert gentle.holds
+    assert f"{gentle.shares.max():.1f}" in told[1]["text"]
+    pushed = replace(
+        scene, start={**scene.start, **told[3]["start"]}, region={**scene.region, "v": (-2, 2)}, span=(0, 12)
+    )
+    found = no_slip_of(gsp.study(pushed))
+    assert found is not None
+    assert found.time is not None
+    assert f"t = {found.time:.2f}" in told[3]["text"]
+    better = no_slip_of(gsp.study(ask_again(pushed, parameters=told[5]["parameters"])))
+    assert better is not None
+    assert better.holds
 
 
 WAY_OUT = (

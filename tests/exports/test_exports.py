@@ -19,6 +19,7 @@ from gsp.algebra.languages import JAVASCRIPT, PYTHON, XPPAUT, C
 from gsp.algebra.printing import Language, Printer
 from gsp.cli import cli
 from gsp.errors import BudgetError, DeclarationError, UnsupportedFunctionError
+from gsp.exports import TARGETS
 from gsp.exports.formats import FORMATS
 from gsp.exports.reduced_model import inert
 from gsp.lowering.compiled_function import compile_function
@@ -362,6 +363,12 @@ def test_what_a_language_lacks_is_refused_by_name() -> None:
         Printer(PYTHON, {x: "x"}).text(sp.besselj(0, x))
     with pytest.raises(UnsupportedFunctionError, match="Piecewise"):
         Printer(C, {x: "x"}).text(sp.Piecewise((x, x > 0), (1, True)))
+
+
+def test_every_target_has_a_text_and_a_row_of_the_page() -> None:
+    assert set(FORMATS) == set(TARGETS)
+    page = (Path(__file__).parents[2] / "docs" / "exports.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(TARGETS)
 
 
 def test_an_unknown_format_is_refused_with_the_remedy() -> None:

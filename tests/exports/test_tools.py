@@ -117,6 +117,7 @@ MEANING = {
     libsbml.AST_FUNCTION_ARCSIN: math.asin,
     libsbml.AST_FUNCTION_ARCCOS: math.acos,
     libsbml.AST_FUNCTION_ARCTAN: math.atan,
+    libsbml.AST_FUNCTION_ARCTANH: math.atanh,
 }
 
 

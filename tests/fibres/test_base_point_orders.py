@@ -7,19 +7,23 @@ from types import SimpleNamespace
 import pytest
 
 from gsp.fibres.base_points import base_point_of
+from gsp.fibres.inner_expansion import InnerExpansion
 
 
 def point(
     coefficients: dict[str, list[float]], epsilon: float, order: int | None = None, *, is_exact: bool = True
 ):
-    inner = SimpleNamespace(
-        base=coefficients,
-        order=len(next(iter(coefficients.values()))) - 1,
-        is_exact=is_exact,
-        branch=SimpleNamespace(is_explicit=True),
+    inner = InnerExpansion(
+        branch=SimpleNamespace(is_explicit=True),  # pyright: ignore[reportArgumentType]
         start={},
+        order=len(next(iter(coefficients.values()))) - 1,
+        slow=tuple(coefficients),
+        terms={name: tuple(SimpleNamespace(outer=[c]) for c in of) for name, of in coefficients.items()},
+        is_exact=is_exact,
+        direction=1,
+        gap=1.0,
     )
-    return base_point_of(inner, epsilon, order)  # pyright: ignore[reportArgumentType]
+    return base_point_of(inner, epsilon, order)
 
 
 def test_values_are_summed_through_the_order_and_the_error_is_the_larger_of_the_next_two_terms() -> None:
@@ -30,7 +34,7 @@ def test_values_are_summed_through_the_order_and_the_error_is_the_larger_of_the_
     assert found.error == pytest.approx(0.05)
     assert point(series, 0.01, 1).error == pytest.approx(3e-4)
     assert point(series, 0.1, 0).error == pytest.approx(0.2)
-    assert (found.order, dict(found.coefficients)) == (1, {"x": [1.0, 2.0], "y": [-1.0, 0.0]})
+    assert (found.order, dict(found.coefficients)) == (1, {"x": (1.0, 2.0), "y": (-1.0, 0.0)})
     assert found.route == "exact series through order 1"
     assert point(series, 0.1, 1, is_exact=False).route == "sampled series through order 1"
 

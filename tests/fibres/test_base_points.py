@@ -389,3 +389,20 @@ def test_a_base_point_beyond_the_end_of_the_sheet_is_told_so(order, status) -> N
     base = project(study.branch, study.start, epsilon=study.scene.epsilon, order=order)
     assert base.status is status
     assert status.name in str(base)
+
+
+def test_a_layer_across_a_jump_of_a_fast_variable_is_not_taken_for_linear() -> None:
+    # Its fast Jacobian is -1 on both sides of y = 1/2.
+    def branch(offset: sp.Expr):
+        system = SlowFastSystem(slow={x: -x + y / 4}, fast={y: x - y + offset / 9}, epsilon=epsilon)
+        return solve_critical(system).nearest({x: 1.5, y: 1.6})
+
+    jump, smooth = (
+        expand(branch(offset), order=2) for offset in (sp.sign(y - sp.Rational(1, 2)), sp.Integer(1))
+    )
+    start = {"x": 1.5, "y": 1.0}
+    assert project(jump, start, epsilon=1e-3)["x"] == pytest.approx(
+        project(smooth, start, epsilon=1e-3)["x"], rel=1e-9
+    )
+    with pytest.raises(BranchError, match="not smooth"):
+        project(jump, {"x": 1.5, "y": 0.0}, epsilon=1e-3)

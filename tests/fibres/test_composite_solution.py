@@ -155,6 +155,26 @@ def test_reconstruction_variables_are_uniformly_approximated_too() -> None:
     assert slope(ladder, errors, [1e-9] * 3) == pytest.approx(2, abs=0.1)
 
 
+def test_quadratic_rates_of_many_fast_variables_are_matched_by_programs() -> None:
+    fast = sp.symbols("y0:4")
+    states = (x, *fast)
+    squares = [sp.Add(*states[: k + 1]) * states[k] for k in range(5)]
+    rates = {}
+    for i, s in enumerate(fast):
+        linear = sp.Add(*[state / (i + k + 3) for k, state in enumerate(states)])
+        rates[s] = linear - (3 + i) * s + sp.Add(*[q / (i + 2 * k + 7) for k, q in enumerate(squares)])
+    system = SlowFastSystem(slow={x: -x + sp.Add(*fast)}, fast=rates, epsilon=epsilon)
+    start = {s.name: 0.2 for s in states}
+    branch = solve_critical(system).nearest(start)
+    errors = []
+    ladder = (0.04, 0.02, 0.01)
+    for e in ladder:
+        solution = composite(branch, start, span=(0, 1), epsilon=e, order=2)
+        full = integrate(system, start=start, span=(0, 1), epsilon=e, rtol=1e-12, atol=1e-14)
+        errors.append(np.abs(solution.y - full.at(solution.t)).max())
+    assert slope(ladder, errors, [1e-10] * 3) == pytest.approx(3, abs=0.25)
+
+
 def test_what_cannot_be_matched_is_refused() -> None:
     repelling = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: y - x}, epsilon=epsilon)).branches[0]
     with pytest.raises(HyperbolicityError, match="repels"):

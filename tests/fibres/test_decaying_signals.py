@@ -14,7 +14,7 @@ PANELS = Panels(
     np.array([0.0, 0.25, 0.6, 1.1, 1.8, 2.7, 3.9, 5.4, 7.3, 9.7, 12.7, 16.5, 21.0, 26.0, 32.0, 40.0])
 )
 TAU = PANELS.tau
-RING = SignalRing(PANELS, np.array([[-1.0]]), np.zeros((*TAU.shape, 1, 1)))
+RING = SignalRing(PANELS, np.array([[-1.0]]), np.zeros((*TAU.shape, 1, 1)), np.ones(1))
 TIMES = np.array([0.0, 0.1, 0.25, 0.7, 3.0, 11.0, 39.0])
 
 
@@ -119,7 +119,7 @@ def test_the_slow_equation_is_integrated_from_its_start() -> None:
 def test_the_fast_equation_is_solved_with_coefficients_that_decay() -> None:
     limit, coupling = np.array([[-2.0, 1.0], [0.5, -3.0]]), np.array([[0.3, -0.2], [0.1, 0.4]])
     jacobian = coupling * np.exp(-TAU)[:, :, None, None]
-    ring = SignalRing(PANELS, limit, jacobian)
+    ring = SignalRing(PANELS, limit, jacobian, np.array([1.0, 1e6]))
     rest = [
         Signal(ring, np.array([1.0, -0.5]), 0.2 * np.exp(-2 * TAU)),
         Signal(ring, np.array([0.0, 0.0, 0.1])),
@@ -139,3 +139,12 @@ def test_the_fast_equation_is_solved_with_coefficients_that_decay() -> None:
     forcing = np.array([[1.0, -0.5, 0.0], [0.0, 0.0, 0.1]])
     slopes = np.column_stack([Q[:, 1], 2 * Q[:, 2], [0.0, 0.0]])
     np.testing.assert_allclose(slopes, limit @ Q + forcing, atol=1e-13)
+
+
+def test_the_ends_of_a_panel_have_the_sign_within_it() -> None:
+    # The panels end at 1.1: there the sign is that of the side.
+    value = Signal(RING, np.array([-1.0]), 1.1 - TAU + 1.0)
+    signs = value.apply("sign").samples
+    assert signs is not None
+    left = PANELS.ends[:-1, None] < 1.1
+    np.testing.assert_array_equal(signs, np.where(np.broadcast_to(left, TAU.shape), 2.0, 0.0))

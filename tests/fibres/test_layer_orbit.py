@@ -7,8 +7,12 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import BranchError, DeclarationError
+from gsp.fibres.base_points import project
 from gsp.fibres.decaying_signals import chebyshev
-from gsp.fibres.layer_orbit import GONE, Landing, _collocate, _Layer, land
+from gsp.fibres.inner_expansion import expand_inner
+from gsp.fibres.layer_flow import LayerFlow
+from gsp.fibres.layer_orbit import GONE, Landing, _collocate, land
 from gsp.systems.system import SlowFastSystem
 
 x, y, eps = sp.symbols("x y epsilon")
@@ -34,6 +38,16 @@ def test_a_linear_layer_is_an_exponential_and_is_followed_until_it_is_gone(rate:
     last = 3 * np.exp(-gap * found.panels.ends[-1])
     assert GONE * np.exp(-2.0) / 3 < last < 3 * GONE
     assert np.diff(found.panels.ends).max() <= 2.0 / gap * (1 + 1e-12)
+
+
+def test_a_stiff_linear_layer_from_far_is_an_exponential() -> None:
+    """Rates 1 and 4000: an explicit method would need hundreds of thousands of steps down to the branch."""
+    s, a, b, eps = sp.symbols("s a b epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={a: -4000 * (a - s), b: s - b}, epsilon=eps)
+    found = land(solve_critical(system).branches[0], np.array([0.0]), np.array([3.0, 5.0]))
+    for tau, (fast, slow) in zip(found.panels.tau.ravel(), found.samples.reshape(-1, 2)):
+        assert fast == pytest.approx(3.0 * np.exp(-4000.0 * tau), abs=1e-13)
+        assert slow == pytest.approx(5.0 * np.exp(-tau), abs=1e-13)
 
 
 def test_a_nonlinear_layer_is_that_of_its_closed_form() -> None:
@@ -71,6 +85,54 @@ def test_collocation_goes_on_until_no_node_moves() -> None:
     system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y**2}, epsilon=eps)
     nodes = chebyshev()[0]
     guess = np.where(nodes[:, None] == nodes[0], -1.0, 0.0)
-    found = _collocate(_Layer(system, np.array([1.0])), np.array([1.0]), 2.0, np.array([-1.0]), 0.25, guess)
+    found = _collocate(
+        LayerFlow(system, np.ones(1), np.ones(1)), np.array([1.0]), np.array([-1.0]), 0.25, guess
+    )
     exact = -2 / (1 + np.exp(2 * 0.25 * (nodes + 1)))
     np.testing.assert_allclose(np.asarray(found)[:, 0], exact, atol=1e-13)
+
+
+def test_panels_end_where_the_layer_crosses_a_kink() -> None:
+    # y' = 1 - 2 y down to y = 1, and y' = -y from there: y = 1/2 + 5/2 exp(-2 tau), and exp(log(5)/2 - tau).
+    system = SlowFastSystem(slow={x: y}, fast={y: sp.Min(1, y) - 2 * y}, epsilon=eps)
+    (branch,) = solve_critical(system).branches
+    found = land(branch.through({"x": 0, "y": 0}), np.zeros(1), np.array([3.0]))
+    (kink,) = found.kinks
+    assert kink == pytest.approx(np.log(5) / 2, rel=1e-14)
+    assert kink in found.panels.ends
+    tau = found.panels.tau
+    exact = np.where(tau <= kink, 0.5 + 2.5 * np.exp(-2 * tau), np.exp(kink - tau))
+    np.testing.assert_allclose(found.samples[:, :, 0], exact, rtol=1e-8, atol=1e-13)
+    inner = expand_inner(branch, {"x": 0, "y": 3}, order=4)
+    # b_1 is the integral of y, 1 + log(5)/4 and 1.
+    assert inner.base["x"] == pytest.approx((0.0, 2 + np.log(5) / 4, 0.0), abs=1e-13)
+    with pytest.raises(DeclarationError, match=r"crosses a kink of the field at fast time 0.8047, .* order 2"):
+        inner.require(3)
+
+
+def test_base_points_through_kinks_of_f_and_g_are_those_of_shadowing_through_order_two() -> None:
+    slow = {x: -x + y + sp.Abs(y - 2) / 3}
+    fast = {y: sp.Min(1 + x / 4, y) - 2 * y + x**2 / 5 - y**2 / 20}
+    (branch,) = solve_critical(SlowFastSystem(slow=slow, fast=fast, epsilon=eps)).branches
+    branch, start = branch.through({"x": 1, "y": 0}), {"x": 1, "y": 3}
+    inner = expand_inner(branch, start, order=5)
+    assert inner.order == 2
+    sizes = (0.02, 0.01)
+    exact = [project(branch, start, epsilon=e, numeric=True)["x"] for e in sizes]
+    for order in range(3):
+        own = [sum(c * e**k for k, c in enumerate(inner.base["x"][: order + 1])) for e in sizes]
+        coarse, fine = (abs(a - b) for a, b in zip(own, exact))
+        assert np.log2(coarse / fine) == pytest.approx(order + 1, abs=0.05)
+    with pytest.raises(DeclarationError, match="known through order 2"):
+        project(branch, start, epsilon=0.01, order=2)
+    assert project(branch, start, epsilon=0.01, order=1).error == pytest.approx(abs(inner.base["x"][2]) * 1e-4)
+
+
+def test_a_layer_through_a_jump_is_refused() -> None:
+    system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: -y * (2 + sp.sign(y - 1)) - y**3}, epsilon=eps)
+    with pytest.raises(BranchError, match="not smooth there"):
+        land(
+            solve_critical(system).nearest({"x": 0.0, "y": 0.0}).through({"x": 0, "y": 0}),
+            np.zeros(1),
+            np.array([3.0]),
+        )

@@ -210,3 +210,19 @@ def test_a_budget_grows_while_that_decides_something(rate: sp.Expr, done: bool) 
     assert longer.exhausted is not done
     assert (16 < longer.tried <= 128) is done
     assert (not longer.undecided) is done
+
+
+def test_a_discriminant_that_vanishes_nowhere_leaves_no_loss_where_boxes_are_too_few() -> None:
+    # Binding with a small dissociation constant k: the gap is sqrt(4 k u) along u = v, and far larger beside it.
+    v, k = sp.Symbol("v"), Q(1, 500)
+    system = gsp.SlowFastSystem(slow={u: -u, v: -v}, fast={y: k * (u - y) - y * (v - u + y)}, epsilon=eps)
+    branch = gsp.solve_critical(system).nearest({"u": 1, "v": 60, "y": 1})
+    box = {"u": (1, 60), "v": (1, 60)}
+    found = classify(branch, region=box)
+    assert found.exclusion is not None
+    assert found.exclusion.is_complete
+    assert found.exclusion.by_discriminant
+    assert found.holds
+    assert "nothing bounds the gap" in found.evidence
+    # Where it vanishes, on the region's edge, a loss stays open or is found.
+    assert not classify(branch, region={"u": (0, 60), "v": (-k, 60)}).holds

@@ -92,7 +92,7 @@ def test_the_nearest_samples_of_each_denominator_are_its_starts() -> None:
     ],
 )
 def test_a_pole_is_where_values_grow_as_it_is_approached(values, is_one: bool) -> None:
-    assert _is_pole(values, np.zeros(2), 100.0) is is_one
+    assert _is_pole(values, np.zeros(2), np.ones(2), 100.0) is is_one
 
 
 @pytest.mark.parametrize(

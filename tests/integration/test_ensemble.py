@@ -18,7 +18,7 @@ from gsp.integration.ensemble import integrate_many
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Method, integrate
 from gsp.kernels import ensemble as kernels
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.models import load
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -321,14 +321,14 @@ def test_one_long_member_is_interrupted_too(monkeypatch):
     run_members = kernels.run_members
 
     def watched(*arguments):
-        (counters,) = (a for a in arguments if getattr(a, "shape", ()) == (1, ledger.COUNTERS_SIZE))
+        (counters,) = (a for a in arguments if getattr(a, "shape", ()) == (1, integrator.COUNTERS_SIZE))
         interrupter = threading.Thread(target=interrupt_once, args=(counters[0],))
         interrupter.start()
         run_members(*arguments)
         interrupter.join()
 
     def interrupt_once(counters):
-        while counters[ledger.STEPS] == 0:
+        while counters[integrator.STEPS] == 0:
             time.sleep(0.001)
         signal.raise_signal(signal.SIGINT)
 

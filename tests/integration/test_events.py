@@ -11,9 +11,11 @@ import sympy as sp
 import gsp
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.integration.events import CompiledEvents, Event
-from gsp.integration.pieces import MOST_SUBDIVISIONS
+from gsp.integration.pieces import MOST_SUBDIVISIONS, RunPiece
 from gsp.integration.trajectory import Method, integrate
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.cases import sampled
+from tests.rescaling import scene, scenes
 
 x, y, t, k, epsilon, energy = sp.symbols("x y t k epsilon E")
 METHODS = pytest.mark.parametrize("method", list(Method))
@@ -365,10 +367,10 @@ def test_one_instant_is_met_whole_also_where_a_step_ends(method, at, sign):
     assert run.events["pole"].times.size == 0
 
 
-@pytest.mark.parametrize("name", gsp.models.names())
+@pytest.mark.parametrize("name", sampled(scenes(), always=gsp.models.names()))
 @pytest.mark.parametrize("backward", [False, True])
-def test_events_of_one_instant_are_one_instant_in_every_model(name, backward):
-    free = integrate(gsp.models.load(name), rtol=1e-6, atol=1e-9)
+def test_events_of_one_instant_are_one_instant_in_every_system(name, backward):
+    free = integrate(scene(name), rtol=1e-6, atol=1e-9)
     states, options = free.flow.states, {"epsilon": free.epsilon, "rtol": 1e-6, "atol": 1e-9}
     first, last = free.t[0], free.t[-1]
     middle = float(0.7 * last + 0.3 * first)
@@ -410,10 +412,39 @@ def test_crossings_that_lie_close_within_a_step_are_all_found(method, rtol) -> N
         Event((x - 1) * (x - 1 - apart) * (x - 1 - 2 * apart), name="three"),
         Event(sp.sin(5 * x), name="sine"),
     )
-    run = integrate(field, start={"x": 0.1}, span=(0, 9.4), method=method, rtol=rtol, events=events)
+    fast = tuple(Event(sp.sin(rate * x), name=str(rate)) for rate in (50, 123, 400))
+    run = integrate(field, start={"x": 0.1}, span=(0, 9.4), method=method, rtol=rtol, events=events + fast)
     found = [sorted(run.events[event.name].times) for event in events]
     assert np.allclose(found[0], [0.9, 1.0, 1.1], atol=1e-9)
     assert np.allclose(found[1], np.pi / 5 * np.arange(1, 16) - 0.1, atol=1e-9)
+    for event in fast:
+        rate = int(event.name)
+        zeros = np.pi / rate * np.arange(1, 4 * rate) - 0.1
+        expected = zeros[(zeros > 0.0) & (zeros < 9.4)]
+        assert np.allclose(sorted(run.events[event.name].times), expected, atol=1e-9)
+
+
+def test_thousands_of_crossings_in_one_step_are_all_found() -> None:
+    # The last of four steps has 2572 of them; four were found there.
+    field = VectorField({x: sp.Integer(1)}, epsilon=None)
+    event = Event(sp.sin(1000 * x), name="fast")
+    run = integrate(field, start={"x": 0.1}, span=(0, 9.4), method="radau9", rtol=1e-2, events=event)
+    zeros = np.pi / 1000 * np.arange(1, 4000) - 0.1
+    assert run.stats.steps < 10
+    assert np.allclose(sorted(run.events["fast"].times), zeros[(zeros > 0.0) & (zeros < 9.4)], atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [1.0, 2 * np.pi / 5, 8.0, 16 * np.pi / 5])
+def test_an_oscillation_in_time_with_the_steps_is_seen(length: float) -> None:
+    # With equal parts of these steps all points were on one side, or every one on a zero.
+    times = np.array([0.0, 1.0, 2.0]) * length
+    piece = RunPiece(times, times[:, None], np.zeros((2, 2, 1)))
+    object.__setattr__(piece, "at", lambda t: t[:, None])
+    t, g = piece.sample(lambda t, states: np.sin(50.0 * states + 0.3))
+    changes = np.flatnonzero(g[1:, 0] * g[:-1, 0] < 0.0)
+    zeros = (np.pi * np.arange(1, 400) - 0.3) / 50.0
+    assert len(changes) == np.sum(zeros < times[-1])
+    assert (np.searchsorted(zeros, t[changes + 1]) - np.searchsorted(zeros, t[changes]) == 1).all()
 
 
 def test_a_jump_is_looked_at_no_more_closely_than_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:

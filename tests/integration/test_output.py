@@ -9,6 +9,7 @@ import sympy as sp
 from gsp.errors import Status
 from gsp.integration import output
 from gsp.integration.ensemble import integrate_many
+from gsp.integration.loop import Control
 from gsp.integration.methods import Method
 from gsp.integration.output import read
 from gsp.integration.run_array import Record
@@ -153,12 +154,12 @@ def test_what_is_read_in_the_room_of_a_run_is_what_is_read_of_its_record(method,
     times = np.linspace(0.1, 6.0, 60)
     found = integrate(field, at=times, **asked)
     lies = integrate(field, **asked)._record
-    apart = Record(
-        lies.times.copy(), lies.states.copy(), lies.dense.copy(), lies.status, lies.method, [*lies.counters]
-    )
+    apart = lies.apart()
+    assert type(apart) is Record
     compiled = compile_flow(field)
-    states, reached = read(compiled, compiled.parameters(None), apart, times, rtol=rtol, atol=rtol)
-    assert reached == len(times)
+    control = Control(method, rtol, rtol, 1000)
+    states, apart = read(compiled, compiled.parameters(None), apart, times, control=control)
+    assert len(states) == len(times)
     assert np.array_equal(found.y, states.T)
     assert found.stats == apart.stats
     # Radau's order 9 is trusted.
@@ -168,11 +169,9 @@ def test_what_is_read_in_the_room_of_a_run_is_what_is_read_of_its_record(method,
 def test_an_explicit_run_is_read_and_corrected_in_one_call_of_compiled_code(monkeypatch):
     rates, start, end = NOT_STIFF["oscillator"]
     field, times = VectorField(rates, epsilon=None), np.linspace(0, end, 100)
-    calls, read_all = [], output.read_explicit_room
-    monkeypatch.setattr(
-        output, "read_explicit_room", lambda *arguments: calls.append(1) or read_all(*arguments)
-    )
-    for name in ("read_room", "read_grid", "correct"):
+    calls, read_all = [], output.read_explicit_run
+    monkeypatch.setattr(output, "read_explicit_run", lambda *arguments: calls.append(1) or read_all(*arguments))
+    for name in ("read_run", "read_grid", "correct"):
         monkeypatch.setattr(output, name, lambda *arguments: pytest.fail("a second call"))
     asked = {"start": start, "span": (0, end), "rtol": 1e-5, "atol": 1e-7, "method": Method.DOP853}
     run, free = integrate(field, at=times, **asked), integrate(field, **asked)
@@ -226,6 +225,24 @@ def test_what_is_read_between_the_steps_is_as_good_as_the_tolerance(method, name
             named = integrate(field, start=start, span=(0, end), rtol=rtol, atol=atol, method=method, at=times)
             assert np.array_equal(named.y[1], found)
             assert run.stats == spent
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-8])
+@pytest.mark.parametrize("name", ["grows", "decays", "turns"])
+def test_what_is_read_between_steps_at_the_edge_of_stability_is_as_good_as_the_steps(name, rtol):
+    # What the output's error is found to be in lowest order says little there: up to 880 tolerances were left.
+    for rate in (10, 100, 1000):
+        field, start, end, phi = _slaved(name, rate)
+        times = np.linspace(0, end, 301)
+        for atol in (rtol, 1.0, 485.0):
+            run = integrate(
+                field, start=start, span=(0, end), rtol=rtol, atol=atol, method=Method.DOP853, max_steps=10**6
+            )
+            between, steps = (
+                np.max(np.abs(y - phi(t)) / (atol + rtol * np.abs(phi(t))))
+                for t, y in ((times, run.at(times)[1]), (run.t, run.y[1]))
+            )
+            assert between < max(2.0, 1.5 * steps), (rate, atol)
 
 
 @pytest.mark.parametrize("method", [Method.RADAU9, Method.DOP853])

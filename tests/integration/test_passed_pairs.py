@@ -35,7 +35,7 @@ def test_between_its_steps_the_pair_lies(ring) -> None:
     grid = np.linspace(0.0, 3.0, 31)
     run = integrate(ring, start={"s": -2.0}, span=(0.0, 3.0), epsilon=0.01, at=grid)
     assert run.t[-1] <= 2.0 + PASSED
-    ends = [float(word.rstrip(",;:.")) for word in run._note.split() if word[0].isdigit()]
+    ends = [float(word.rstrip(",;:.")) for word in run._outcome.note.split() if word[0].isdigit()]
     assert ends[0] <= 2.0 + PASSED <= ends[1]
     assert np.array_equal(run.t, grid[grid <= ends[0]])
 

@@ -10,7 +10,7 @@ import pytest
 from gsp.critical import branch as branches
 from gsp.errors import BranchError, HyperbolicityError, Status
 from gsp.integration import loop
-from gsp.integration import trajectory as module
+from gsp.integration import watching as module
 from gsp.integration.reduction_end.validity import validity_of
 from gsp.integration.trajectory import integrate
 from gsp.kernels.scan import CLOSER_LOOKS, COLUMNS, LOOKS, WATCHED, clear_of_zero
@@ -114,7 +114,8 @@ def test_one_point_of_a_sheet_is_what_following_it_gives(name, draws):
 def test_a_step_that_may_lead_to_another_sheet_is_not_trusted():
     branch = study(load("van_der_pol")).branch
     numbers = branch._sheet[5 + branch._sheet[4] :].view(float)
-    x0, y0, p = numbers[1:2], numbers[2:3], numbers[3:]
+    # Behind the seed come the units of x and y.
+    x0, y0, p = numbers[1:2], numbers[2:3], numbers[5:]
     # From x = 2 the sheet ends at y = -2/3; Newton's method alone would find a point of the other one.
     y = y0.copy()
     for pieces in (1, 4, 16):

@@ -10,11 +10,11 @@ import sympy as sp
 
 import gsp
 from gsp.errors import BranchError, HyperbolicityError, Status
-from gsp.integration.crossings import Stepper
 from gsp.integration.reduction_end.endings import Ending
 from gsp.integration.reduction_end.fast_blocks import FastBlocks, faddeev_leverrier
 from gsp.integration.reduction_end.validity import Validity
 from gsp.integration.trajectory import Method, Trajectory, integrate
+from gsp.integration.watched import Stepper
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.systems.system import SlowFastSystem, VectorField
 from tests import example_systems as systems

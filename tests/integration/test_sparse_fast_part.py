@@ -9,11 +9,11 @@ import sympy as sp
 from gsp import SlowFastSystem, Status, expand, integrate, restrict, solve_critical
 from gsp.algebra import sharing
 from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.integration.crossings import Stepper
 from gsp.integration.methods import Method
 from gsp.integration.reduction_end import endings
 from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
 from gsp.integration.reduction_end.validity import Validity, validity_of
+from gsp.integration.watched import Stepper
 from gsp.kernels import engine
 from gsp.lowering import compiled_function
 from gsp.lowering.compiled_flow import compile_flow

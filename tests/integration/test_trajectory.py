@@ -12,7 +12,7 @@ import sympy as sp
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.integration import loop, output, run_array
 from gsp.integration.events import Event
-from gsp.integration.loop import Run, run
+from gsp.integration.loop import Control, Run, run
 from gsp.integration.trajectory import Method, integrate
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -60,7 +60,7 @@ def stopped(method, stops):
     """A run of the oscillator whose steps end on the stops."""
     flow = compile_flow(OSCILLATOR)
     start, ends = (flow.parameters(None), [1.0, 0.0], 0.0), np.append(stops, 40.0)
-    return run(Run(flow, *start, ends, Method(method), 1e-8, 1e-10, 10_000)).stats
+    return run(Run(flow, *start, ends, Control(Method(method), 1e-8, 1e-10, 10_000))).stats
 
 
 @BOTH
@@ -68,7 +68,7 @@ def test_a_grid_that_is_landed_on_costs_at_most_one_step_for_each_point(method):
     free = stopped(method, [])
     for count in (5, 40, 400):
         clipped = stopped(method, np.linspace(0.05, 39.95, count))
-        assert clipped.steps > free.steps
+        assert clipped.steps > count
         assert clipped.steps <= free.steps + 1.1 * count + 5
         assert clipped.rejected <= free.rejected + 0.1 * clipped.steps + 3
 
@@ -380,9 +380,9 @@ def test_an_error_in_progress_is_the_callers():
         ({"method": "radau"}, 'is no method.*Did you mean "radau9"'),
         ({"method": "rodas5p"}, 'rodas5p. was removed. Take "radau9"'),
         ({"method": "radau5"}, 'radau5. was removed. Take "radau9"'),
+        ({"method": "RODAS5P"}, 'RODAS5P. was removed. Take "radau9"'),
         ({"method": "taylor"}, 'taylor. was removed. Take "dop853"'),
         ({"method": 5}, "is no method"),
-        ({"method": "radau"}, 'is no method.*Did you mean "radau'),
         ({"max_steps": 0}, "max_steps is an integer, 1 or more"),
         ({"max_steps": 1.5}, "max_steps is an integer"),
         ({"epsilon": 0.1}, "no small parameter"),
@@ -441,10 +441,10 @@ def test_a_run_and_its_reading_are_a_call_of_compiled_code_each_and_nothing_is_c
         monkeypatch.setattr(module, name, lambda *given: calls.append(name) or function(*given))
 
     counted(loop, "launch")
-    counted(output, "read_room")
+    counted(output, "read_run")
     counted(run_array, "recorded_steps")
     found = integrate(field, **asked)
-    assert calls == ["launch", *["read_room"] * (at is not None)]
+    assert calls == ["launch", *["read_run"] * (at is not None)]
     assert np.array_equal(found.at(0.3), expected[0])
     assert np.array_equal(found.y, expected[1])
     assert calls[-1] == "recorded_steps"

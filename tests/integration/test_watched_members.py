@@ -42,9 +42,9 @@ def one_by_one(many, flow, columns, *, at=None, **options):
         count = whole.t.size
         assert np.array_equal(member.y[:, :count], whole.y)
         assert np.isnan(member.y[:, count:]).all()
-        if not one.status.ok and one._note:
-            assert one._note in member.message
-            assert one._remedy in member.message
+        if not one.status.ok and one._outcome.note:
+            assert one._outcome.note in member.message
+            assert one._outcome.remedy in member.message
     return set(many.statuses)
 
 
@@ -100,9 +100,7 @@ def test_with_every_method_over_epsilon_and_threads(method):
 def test_only_members_near_a_loss_are_run_one_by_one(monkeypatch):
     alone, run = [], watched_members.trajectory_of
     monkeypatch.setattr(
-        watched_members,
-        "trajectory_of",
-        lambda *a, state, **o: (alone.append(state[0]), run(*a, state=state, **o))[1],
+        watched_members, "trajectory_of", lambda *given: alone.append(given[-1].state[0]) or run(*given)
     )
     flow = reduced(GRAPH, {"x": -1, "y": -1}, 0)
     many = integrate_many(flow, {"y": [-9.0, -8.0, -1.0, -7.0]}, span=(0, 1.5), epsilon=1e-3, threads=1)

@@ -11,7 +11,7 @@ from numpy.polynomial import polynomial
 
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
-from gsp.kernels import corrections, ledger
+from gsp.kernels import corrections, integrator
 from gsp.kernels.corrections import READ
 from gsp.kernels.dop853_tableau import DENSE, DENSE_ROWS, EXTENDED_STAGES, STAGES, A
 from gsp.lowering.compiled_flow import compile_flow
@@ -93,13 +93,14 @@ def test_corrected_values_in_a_step_are_ten_times_as_good_as_the_dense_output():
     run = integrate(field, rtol=1e-5, atol=1e-5, **asked)._record
     corrected = np.ascontiguousarray(integrate(field, rtol=1e-5, atol=1e-5, **asked).at(times).T)
     dense = np.abs(corrected.T - exact).max()
-    doubts, counters = np.empty(len(times), np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    doubts, counters = np.empty(len(times), np.int64), np.zeros(integrator.COUNTERS_SIZE, np.int64)
     # At a tolerance that the dense output does not meet.
-    asked = compiled.explicit_program, compiled.constants, 0.0, 0.2 * dense, run.times, run.states, run.dense
-    assert corrections.correct_grid(*asked, times, 0, len(times), corrected, doubts, counters) == 0
+    steps = run.times, run.states, run.dense
+    asked = compiled.explicit_program, compiled.constants, (0.0, 0.2 * dense), steps
+    assert corrections.correct_grid(*asked, times, corrected, doubts, counters) == 0
     assert np.abs(corrected.T - exact).max() < 0.1 * dense
     assert (doubts == READ).all()
-    assert counters[ledger.FIELD_CALLS] == 3 * (len(run.times) - 1) + 3
+    assert counters[integrator.FIELD_CALLS] == 3 * (len(run.times) - 1) + 3
 
 
 def test_where_the_field_is_not_finite_nothing_is_corrected_and_all_is_in_doubt():
@@ -108,8 +109,8 @@ def test_where_the_field_is_not_finite_nothing_is_corrected_and_all_is_in_doubt(
     rows = np.full((1, DENSE_ROWS, 1), -50.0)
     grid, out, doubts = np.array([0.3, 0.6]), np.array([[1.0], [2.0]]), np.empty(2, np.int64)
     found = corrections.correct_grid(
-        compiled.explicit_program, compiled.constants, 1e-3, 1e-3, times, states, rows, grid, 0, 2, out, doubts,
-        np.zeros(ledger.COUNTERS_SIZE, np.int64),
+        compiled.explicit_program, compiled.constants, (1e-3, 1e-3), (times, states, rows), grid, out, doubts,
+        np.zeros(integrator.COUNTERS_SIZE, np.int64),
     )  # fmt: skip
     assert found == 2
     assert doubts.tolist() == [0, 0]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gsp.integration import loop
 from gsp.integration.methods import SOLVERS, Method
-from gsp.kernels import dop853_tableau, ledger, radau_tableau
+from gsp.kernels import dop853_tableau, integrator, radau_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.linear_algebra import factorise, solve
@@ -33,7 +33,7 @@ x, y, z = sp.symbols("x y z")
 
 
 class Run:
-    """One integration by hand: the caller's side of the ledger."""
+    """One integration by hand: the caller's side of the contract."""
 
     def __init__(
         self,
@@ -55,30 +55,30 @@ class Run:
         self.y = np.array(start, dtype=float)
         self.rate = np.zeros(self.y.size)
         self.memory = np.zeros(
-            memory_size(self.rows, self.y.size) if self.kernel is radau else ledger.MEMORY_SIZE
+            memory_size(self.rows, self.y.size) if self.kernel is radau else integrator.MEMORY_SIZE
         )
-        self.memory[ledger.TIME] = stops[0]
-        self.counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
+        self.memory[integrator.TIME] = stops[0]
+        self.counters = np.zeros(integrator.COUNTERS_SIZE, dtype=np.int64)
         self.capacity = capacity
         self.keeps_dense = True
         self.program = solver.program(compiled).copy()
         solver.give_loops(self.program)
         if loops:
-            self.program = np.array([*self.program[: ledger.CODE], 0])
+            self.program = np.array([*self.program[: integrator.CODE], 0])
         self.times, self.states = [np.array([float(stops[0])])], [self.y[np.newaxis].copy()]
         self.dense = [np.empty((0, self.rows, self.y.size))]
 
     def force_step(self, h: float) -> Run:
         """Propose `h` for the first step; what follows can only grow when the tolerance is slack."""
         self.rate[:] = self.compiled.rates(self.y, NO_PARAMETERS)
-        self.memory[ledger.STEP] = h
+        self.memory[integrator.STEP] = h
         return self
 
     def advance(self, max_steps: int = 10**9) -> int:
         n = self.y.size
         times, states = np.empty(self.capacity), np.empty((self.capacity, n))
         dense = np.empty((self.capacity if self.keeps_dense else 0, self.rows, n))
-        before = self.counters[ledger.STEPS]
+        before = self.counters[integrator.STEPS]
         code = self.kernel(
             self.program,
             NO_PARAMETERS,
@@ -93,7 +93,7 @@ class Run:
             states,
             dense,
         )
-        new = self.counters[ledger.STEPS] - before
+        new = self.counters[integrator.STEPS] - before
         self.times.append(times[:new])
         self.states.append(states[:new])
         self.dense.append(dense[:new])
@@ -114,8 +114,8 @@ class Run:
 def fixed_steps(method: str, compiled: CompiledFlow, start, *, end: float, count: int, slack=1e9) -> Run:
     """`count` equal steps: every step lands on a stop, and the tolerance is so slack that none is shorter."""
     run = Run(method, compiled, start, np.linspace(0.0, end, count + 1), rtol=slack, atol=slack)
-    assert run.force_step(end).advance() == ledger.FINISHED
-    assert run.counters[ledger.STEPS] == count
+    assert run.force_step(end).advance() == integrator.FINISHED
+    assert run.counters[integrator.STEPS] == count
     return run
 
 
@@ -317,7 +317,7 @@ def test_dense_output_meets_the_steps_exactly():
     compiled = compile_flow(VectorField({x: y, y: -sp.sin(x)}, epsilon=None))
     for method in METHODS:
         run = Run(method, compiled, (1.0, 0.0), [0.0, 7.0])
-        assert run.advance() == ledger.FINISHED
+        assert run.advance() == integrator.FINISHED
         assert np.array_equal(run.at(np.concatenate(run.times)), np.concatenate(run.states).T)
 
 
@@ -328,11 +328,11 @@ def test_dense_output_meets_the_steps_exactly():
 def test_a_run_resumed_from_a_full_record_is_the_same_run(method, swing):
     stops = [0.0, 1.0, 2.5, 9.0]
     whole = Run(method, swing, (1.0, 0.0), stops)
-    assert whole.advance() == ledger.FINISHED
+    assert whole.advance() == integrator.FINISHED
     pieces = Run(method, swing, (1.0, 0.0), stops, capacity=3)
-    while (code := pieces.advance()) == ledger.RECORD_FULL:
+    while (code := pieces.advance()) == integrator.RECORD_FULL:
         assert pieces.times[-1].size == 3
-    assert code == ledger.FINISHED
+    assert code == integrator.FINISHED
     assert np.array_equal(np.concatenate(whole.times), np.concatenate(pieces.times))
     assert np.array_equal(np.concatenate(whole.states), np.concatenate(pieces.states))
     assert np.array_equal(np.concatenate(whole.dense), np.concatenate(pieces.dense))
@@ -342,11 +342,11 @@ def test_a_run_resumed_from_a_full_record_is_the_same_run(method, swing):
 @pytest.mark.parametrize("method", STAGES)
 def test_code_for_one_flow_and_loops_for_any_make_the_same_steps(method, swing):
     written, loops = (Run(method, swing, (1.0, 0.0), [0.0, 1.0, 9.0], loops=which) for which in (False, True))
-    assert written.program[ledger.CODE] != 0
-    assert written.advance() == loops.advance() == ledger.FINISHED
+    assert written.program[integrator.CODE] != 0
+    assert written.advance() == loops.advance() == integrator.FINISHED
     t = np.linspace(0.0, 9.0, 101)
     assert written.at(t) == pytest.approx(loops.at(t), rel=1e-7, abs=1e-7)
-    assert abs(written.counters[ledger.STEPS] - loops.counters[ledger.STEPS]) <= 1
+    assert abs(written.counters[integrator.STEPS] - loops.counters[integrator.STEPS]) <= 1
 
 
 @pytest.mark.parametrize("loops", [False, True])
@@ -354,8 +354,8 @@ def test_code_for_one_flow_and_loops_for_any_make_the_same_steps(method, swing):
 def test_how_large_a_state_is_costs_no_steps(method, loops, swing):
     # Linear in x, whose square overflows from 1e154 on.
     one, large = (Run(method, swing, (of, 0.0), [0.0, 9.0], loops=loops) for of in (1.0, 2.0**600))
-    assert one.advance(5_000) == large.advance(5_000) == ledger.FINISHED
-    tried = [int(run.counters[ledger.STEPS] + run.counters[ledger.REJECTED]) for run in (one, large)]
+    assert one.advance(5_000) == large.advance(5_000) == integrator.FINISHED
+    tried = [int(run.counters[integrator.STEPS] + run.counters[integrator.REJECTED]) for run in (one, large)]
     assert tried[1] <= 2 * tried[0]
 
 
@@ -368,8 +368,8 @@ def test_a_pivot_of_zero_is_left_to_the_loops(method):
     for loops in (False, True):
         run = Run(method, compiled, (1.0, 0.5), [0.0, 1.0], rtol=1.0, atol=1e9, loops=loops)
         run.force_step(1.0 / gamma).stops[:] = 1.0 / gamma
-        assert run.advance(1) in (ledger.FINISHED, ledger.TOO_MANY_STEPS)
-        assert run.counters[ledger.STEPS] == 1
+        assert run.advance(1) in (integrator.FINISHED, integrator.TOO_MANY_STEPS)
+        assert run.counters[integrator.STEPS] == 1
         ends.append(run.y)
     # The same to the last bit, which two ways to compute would not be.
     assert np.isfinite(ends[0]).all()
@@ -385,17 +385,15 @@ def test_loops_are_compiled_into_a_run_once_a_step_wants_them(method):
         method, compile_flow(VectorField({x: x + y, y: -x}, epsilon=None)), start, [0.0, *stops], rtol=1e-3
     )
     known.force_step(stops[0])
-    assert known.advance() == ledger.FINISHED
+    assert known.advance() == integrator.FINISHED
     compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
     program = SOLVERS[Method(method)].program(compiled)
-    assert program[ledger.CODE] != 0
-    assert program[ledger.LOOPS] == 0
-    asked = loop.Run(
-        compiled, NO_PARAMETERS, start, 0.0, stops, Method(method), rtol=1e-3, atol=known.tolerances[1],
-        max_steps=1000, first_step=stops[0],
-    )  # fmt: skip
+    assert program[integrator.CODE] != 0
+    assert program[integrator.LOOPS] == 0
+    control = loop.Control(Method(method), 1e-3, known.tolerances[1], 1000)
+    asked = loop.Run(compiled, NO_PARAMETERS, start, 0.0, stops, control, first_step=stops[0])
     record = loop.run(asked)
-    assert program[ledger.LOOPS] != 0
+    assert program[integrator.LOOPS] != 0
     # Bit for bit, and what was tried before the loops were there is not counted.
     assert np.array_equal(record.times, np.concatenate(known.times))
     assert np.array_equal(record.states, np.concatenate(known.states))
@@ -412,9 +410,9 @@ def test_code_and_loops_reject_and_estimate_alike(method):
         Run(method, compiled, (3.0, 0.0, 0.5), [0.0, 0.4, 2.0], loops=which).force_step(0.3)
         for which in (False, True)
     )
-    assert written.advance() == loops.advance() == ledger.FINISHED
-    assert written.counters[ledger.REJECTED] > 0
-    assert np.array_equal(written.counters[: ledger.FIELD_CALLS], loops.counters[: ledger.FIELD_CALLS])
+    assert written.advance() == loops.advance() == integrator.FINISHED
+    assert written.counters[integrator.REJECTED] > 0
+    assert np.array_equal(written.counters[: integrator.FIELD_CALLS], loops.counters[: integrator.FIELD_CALLS])
     # Where the error is lost in rounding, further on, so is what the next step's length follows from.
     for a, b in ((written.times, loops.times), (written.states, loops.states), (written.dense, loops.dense)):
         assert np.concatenate(a)[:10] == pytest.approx(np.concatenate(b)[:10], rel=1e-6, abs=1e-9)
@@ -426,7 +424,7 @@ def test_code_and_loops_reject_and_estimate_alike(method):
 def test_no_step_ends_where_the_field_is_not_finite(method):
     compiled = compile_flow(VectorField({x: 1 + sp.Rational(1, 10**12) * sp.log(1 - x)}, epsilon=None))
     run = Run(method, compiled, (0.0,), [0.0, 2.0])
-    assert run.advance() in (ledger.NON_FINITE, ledger.STEP_TOO_SMALL)
+    assert run.advance() in (integrator.NON_FINITE, integrator.STEP_TOO_SMALL)
     assert np.isfinite(run.rate).all()
     assert run.y[0] == pytest.approx(1.0, abs=1e-9)
 
@@ -435,19 +433,19 @@ def test_no_step_ends_where_the_field_is_not_finite(method):
 def test_a_record_without_dense_output_has_the_same_states(method, swing):
     whole, bare = (Run(method, swing, (1.0, 0.0), [0.0, 1.0, 9.0], rtol=1e-6) for _ in range(2))
     bare.keeps_dense = False
-    assert whole.advance() == bare.advance() == ledger.FINISHED
+    assert whole.advance() == bare.advance() == integrator.FINISHED
     assert np.array_equal(np.concatenate(whole.states), np.concatenate(bare.states))
     assert np.array_equal(np.concatenate(whole.times), np.concatenate(bare.times))
-    spared = 3 * whole.counters[ledger.STEPS] if method == "dop853" else 0
-    assert bare.counters[ledger.FIELD_CALLS] == whole.counters[ledger.FIELD_CALLS] - spared
+    spared = 3 * whole.counters[integrator.STEPS] if method == "dop853" else 0
+    assert bare.counters[integrator.FIELD_CALLS] == whole.counters[integrator.FIELD_CALLS] - spared
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_run_out_of_steps_can_go_on(method, swing):
     run = Run(method, swing, (1.0, 0.0), [0.0, 9.0])
-    assert run.advance(max_steps=5) == ledger.TOO_MANY_STEPS
-    assert run.counters[ledger.STEPS] + run.counters[ledger.REJECTED] == 5
-    assert run.advance() == ledger.FINISHED
+    assert run.advance(max_steps=5) == integrator.TOO_MANY_STEPS
+    assert run.counters[integrator.STEPS] + run.counters[integrator.REJECTED] == 5
+    assert run.advance() == integrator.FINISHED
     assert run.y[0] == pytest.approx(math.exp(math.sin(9.0)), rel=1e-6)
 
 
@@ -456,33 +454,33 @@ def test_the_counters_add_up(method, swing):
     run = Run(method, swing, (1.0, 0.0), [0.0, 20.0], rtol=1e-9, atol=1e-9)
     run.advance()
     counters = run.counters
-    steps, rejected = counters[ledger.STEPS], counters[ledger.REJECTED]
+    steps, rejected = counters[integrator.STEPS], counters[integrator.REJECTED]
     assert steps == sum(piece.size for piece in run.times) - 1
     if method in STAGES:
         # That of the guess, which is another in each attempt.
-        assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == steps + rejected
+        assert counters[integrator.JACOBIAN_CALLS] == counters[integrator.DECOMPOSITIONS] == steps + rejected
         # Whole rounds, the rate at each new point, the two calls of the start, a second estimate or two.
-        rounds, others = divmod(counters[ledger.FIELD_CALLS] - steps - 2, STAGES[method])
+        rounds, others = divmod(counters[integrator.FIELD_CALLS] - steps - 2, STAGES[method])
         assert steps + rejected <= rounds <= 8 * (steps + rejected)
         assert others <= rejected
     else:
-        assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
-        assert counters[ledger.FIELD_CALLS] == 2 + 15 * steps + 12 * rejected
+        assert counters[integrator.JACOBIAN_CALLS] == counters[integrator.DECOMPOSITIONS] == 0
+        assert counters[integrator.FIELD_CALLS] == 2 + 15 * steps + 12 * rejected
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_steps_are_chosen_so_that_few_are_rejected(method, pendulum):
     run = Run(method, pendulum, (1.0, 0.0), [0.0, 40.0], rtol=1e-6, atol=1e-8)
-    assert run.advance() == ledger.FINISHED
-    assert 5 * run.counters[ledger.REJECTED] <= run.counters[ledger.STEPS]
+    assert run.advance() == integrator.FINISHED
+    assert 5 * run.counters[integrator.REJECTED] <= run.counters[integrator.STEPS]
 
 
 def test_a_step_whose_matrix_is_singular_is_shortened():
     h = 0.5
     growth = sp.Rational(radau_tableau.EIGENVALUES[0, 0].real / h)
     run = Run("radau9", compile_flow(VectorField({x: growth * x}, epsilon=None)), (1.0,), [0.0, 1.0])
-    assert run.force_step(h).advance() == ledger.FINISHED
-    assert run.counters[ledger.REJECTED] >= 1
+    assert run.force_step(h).advance() == integrator.FINISHED
+    assert run.counters[integrator.REJECTED] >= 1
     assert run.y[0] == pytest.approx(math.exp(float(growth)), rel=1e-6)
 
 
@@ -491,8 +489,8 @@ def test_a_matrix_that_stays_singular_ends_the_run(method):
     """The diagonal, a multiple of 1/h, is lost beside entries of 1e300, whatever h."""
     rise = sp.Integer(10) ** 300 * (x + y)
     run = Run(method, compile_flow(VectorField({x: rise, y: rise}, epsilon=None)), (0.0, 0.0), [1.0, 2.0])
-    assert run.force_step(0.5).advance() == ledger.SINGULAR_JACOBIAN
-    assert run.memory[ledger.TIME] == 1.0
+    assert run.force_step(0.5).advance() == integrator.SINGULAR_JACOBIAN
+    assert run.memory[integrator.TIME] == 1.0
 
 
 # Linear algebra
@@ -529,16 +527,13 @@ def test_a_launched_run_is_the_kernels_own_bit_by_bit(method, first_step) -> Non
     by_hand = Run(method, compiled, [2.0, 0.0], [0.0, 30.0, 60.0])
     if first_step:
         by_hand.force_step(first_step)
-    assert by_hand.advance() == ledger.FINISHED
-    record = loop.run(
-        loop.Run(
-            compiled, (np.nan,), (2.0, 0.0), 0.0, np.array([30.0, 60.0]), Method(method), 1e-8, 1e-10, 10**9,
-            first_step=first_step, rows_kept=100,
-        )
-    )  # fmt: skip
+    assert by_hand.advance() == integrator.FINISHED
+    control, looks = loop.Control(Method(method), 1e-8, 1e-10, 10**9), loop.Looks(rows_kept=100)
+    stops = np.array([30.0, 60.0])
+    record = loop.run(loop.Run(compiled, (np.nan,), (2.0, 0.0), 0.0, stops, control, True, first_step, looks))
     assert np.array_equal(record.times, np.concatenate(by_hand.times))
     assert np.array_equal(record.states, np.concatenate(by_hand.states))
     assert np.array_equal(record.dense, np.concatenate(by_hand.dense))
-    assert record.counters == by_hand.counters.tolist()[: ledger.STIFF + 1]
+    assert record.counters == by_hand.counters.tolist()[: integrator.STIFF + 1]
     # More than one record long.
     assert len(record.times) > 101

@@ -258,14 +258,20 @@ def roessler(c: float) -> gsp.VectorField:
 def test_periods_are_minimal_on_both_sides_of_a_doubling() -> None:
     # Before it, at c = 2.8324, a run closes sooner after two laps than after one; behind it, almost after one.
     start = {"x": 1, "y": 1, "z": 0}
-    before, behind, chaos = (gsp.periodic_orbit(roessler(c), start=start) for c in (2.8, 2.8325, 5.7))
+    before, behind = (gsp.periodic_orbit(roessler(c), start=start) for c in (2.8, 2.8325))
     assert before.period == pytest.approx(5.7679, abs=1e-3)
     assert behind.period == pytest.approx(2 * 5.7698, abs=1e-3)
     assert before.is_stable
     assert behind.is_stable
-    assert chaos.unstable == 1
     thrice = gsp.periodic_orbit(circle(), start={"x": 1, "y": 0}, period=21.5)
     assert thrice.period == pytest.approx(PERIOD, rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [0, 0.25, 0.5, 1])
+def test_a_chaotic_run_leads_to_an_orbit_near_which_it_came_back_whenever_that_was(height: float) -> None:
+    orbit = gsp.periodic_orbit(roessler(5.7), start={"x": 1, "y": 1, "z": height})
+    assert orbit.status.ok
+    assert orbit.unstable == 1
 
 
 def test_crossings_are_phases() -> None:

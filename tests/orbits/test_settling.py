@@ -12,16 +12,19 @@ from gsp.orbits.periodic.settling import _lap_in_section
 TURN = 2 * np.pi
 
 
-def lap(last: float, *, growth: float = 0.0, doubled: float = 0.0, closes: float = 1e-6, first: float = 0.0):
+def lap(
+    end: float, *, growth: float = 0.0, since: float = 0.0, doubled: float = 0.0, first: float = 0.0, **options
+):
     """The lap of a circle of period 1 whose radius grows by `growth` a turn, or differs in every other turn."""
 
     def at(t):
         t = np.asarray(t, dtype=float)
-        radius = 1.0 + growth * t + doubled * np.cos(np.pi * t)
+        radius = 1.0 + growth * np.maximum(t - since, 0.0) + doubled * np.cos(np.pi * t)
         return np.array([radius * np.cos(TURN * t), radius * np.sin(TURN * t)])
 
-    times = np.linspace(first, last, round(400 * abs(last - first)) + 1)
-    return _lap_in_section(SimpleNamespace(at=at), times, at(times), 0, 0.0, closes)  # pyright: ignore[reportArgumentType]
+    times = np.linspace(first, end, round(400 * abs(end - first)) + 1)
+    options = {"closes": 1e-6, **options}
+    return _lap_in_section(SimpleNamespace(at=at), times, at(times), 0, 0.0, **options)  # pyright: ignore[reportArgumentType]
 
 
 def test_two_crossings_upward_make_a_lap_and_one_does_not() -> None:
@@ -32,6 +35,13 @@ def test_two_crossings_upward_make_a_lap_and_one_does_not() -> None:
     assert (found.start, found.length) == pytest.approx((0.75, 1.0))
     # Of many the last one counts.
     assert lap(5.8).start == pytest.approx(4.75)
+
+
+def test_a_run_that_came_back_before_it_wandered_off_has_a_lap_where_any_will_do() -> None:
+    assert lap(5.8, growth=0.1, since=3.0) is None
+    found = lap(5.8, growth=0.1, since=3.0, last=False)
+    assert found is not None
+    assert (found.start, found.length) == pytest.approx((1.75, 1.0))
 
 
 def test_a_lap_that_does_not_come_back_is_none_and_a_double_one_is_found() -> None:

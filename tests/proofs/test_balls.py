@@ -5,6 +5,7 @@ import operator
 import random
 from fractions import Fraction
 
+import flint
 import mpmath
 import pytest
 import sympy as sp
@@ -93,13 +94,20 @@ def root_powers_hold(cases: int) -> None:
 
 
 def roundings_hold(cases: int) -> None:
-    draw = random.Random(3)
-    for _ in range(cases):
-        ball = arb(draw.uniform(-1, 1), draw.choice([0.0, 1e-17, 1e-9, 1.0])) * arb(draw.random()) / 3
-        low, high = exactly(ball.mid()) - exactly(ball.rad()), exactly(ball.mid()) + exactly(ball.rad())
-        assert balls.below(ball) <= low
-        assert balls.above(ball) >= high
-        assert balls.magnitude(ball) >= max(-low, high)
+    """The least double that is not below, of ends that no double is: at the precision of proofs."""
+    draw, between = random.Random(3), 0
+    with flint.ctx.workprec(balls.PRECISION):
+        for _ in range(cases):
+            ball = arb(draw.uniform(-1, 1), draw.choice([0.0, 1e-17, 1e-9, 1.0])) * arb(draw.random()) / 3
+            high, low, most = exactly(ball.upper()), exactly(ball.lower()), exactly(ball.abs_upper())
+            for found, bound in (
+                (balls.above(ball), high),
+                (-balls.below(ball), -low),
+                (balls.magnitude(ball), most),
+            ):
+                assert math.nextafter(found, -math.inf) < bound <= found
+                between += bound != found
+        assert between > cases
 
 
 def test_products_quotients_and_powers_hold_the_exact_value() -> None:
@@ -115,7 +123,32 @@ def test_powers_of_fractions_hold_the_exact_value() -> None:
 
 
 def test_bounds_in_doubles_are_on_the_right_side() -> None:
-    roundings_hold(WHOLE)
+    roundings_hold(CASES)
+
+
+def test_roots_of_any_order_hold_the_exact_value() -> None:
+    # (16^2^70)^(3/2^71) of longer numbers than machine words hold: 16^(3/2) = 64 and its reciprocal.
+    for order in (2, balls.WORD, 2**71):
+        for sign, exact in ((1, 64), (-1, Fraction(1, 64))):
+            found = balls.root_power(balls.hull(15.0, 16.0), sign * 3 * order // 2, order)
+            assert holds(found + arb(0, 1e-12), Fraction(exact))
+            assert not holds(found, Fraction(exact) * 2)
+            assert holds(found, Fraction(61) ** sign)
+
+
+def test_waves_stay_within_one() -> None:
+    for wave in (balls.sin, balls.cos):
+        for ball in (
+            balls.hull(-1e9, 1e9),
+            balls.hull(1.0, 1.7),
+            balls.hull(3.0, 3.3),
+            arb("1e1000000000000000000"),
+        ):
+            found = wave(ball)
+            assert found.is_finite()
+            assert not found > 1
+            assert float(found.abs_upper()) <= 1.0 + 1e-8
+    assert balls.sin(balls.hull(1.0, 1.7)).overlaps(arb(1))
 
 
 @pytest.mark.exhaustive
@@ -207,6 +240,10 @@ def test_a_constant_is_a_factor_without_a_test_of_widths() -> None:
         (lambda u, v: sp.exp(u) / (1 + sp.exp(u)) ** 2, 1.0),
         (lambda u, v: 6 * sp.exp(-u) / (2 + 3 * sp.exp(-u)) ** 2, 1.0),
         (lambda u, v: sp.exp(-3 * u) * sp.cosh(v) / (5 + sp.exp(-3 * u)), 1.55),
+        (lambda u, v: 1 / (sp.exp(u) + sp.exp(-u)), 0.5),
+        (lambda u, v: v / (2 * sp.exp(u - 1) + 5 * sp.exp(-u)), 0.2607),
+        (lambda u, v: (sp.exp(-u) - sp.exp(u)) / (sp.exp(u) + sp.exp(-u)) ** 2, 0.5),
+        (lambda u, v: (sp.exp(2 * u) - sp.exp(-2 * u)) / (sp.exp(2 * u) + sp.exp(-2 * u)), 1.0),
     ],
 )
 def test_quotients_by_a_cosh_or_a_gate_are_bounded_over_any_ball(write, most: float) -> None:

@@ -46,9 +46,26 @@ def test_a_solution_holds_that_of_every_matrix_inside() -> None:
 def test_what_is_positive_has_positive_pivots() -> None:
     assert is_positive(matrix([[2.0, 1.0], [1.0, 2.0]], 0.25))
     assert not is_positive(matrix([[2.0, 1.0], [1.0, 2.0]], 0.5))
-    assert not is_positive(matrix([[1.0, 2.0], [2.0, 1.0]]))
     assert not is_positive(matrix([[0.0]]))
-    assert is_positive(matrix([[4.0, 2.0, 0.0], [2.0, 4.0, 2.0], [0.0, 2.0, 4.0]]))
+
+
+def minor(rows: list[list[int]]) -> int:
+    """The determinant, along the first column."""
+    if not rows:
+        return 1
+    rest = [row[1:] for row in rows]
+    return sum((-1) ** i * row[0] * minor(rest[:i] + rest[i + 1 :]) for i, row in enumerate(rows))
+
+
+def test_what_is_positive_has_positive_leading_minors() -> None:
+    draw, positive = random.Random(7), 0
+    for size in (1, 2, 3, 4) * 40:
+        half = [[draw.randint(-2, 2) + 3 * (i == j) for j in range(size)] for i in range(size)]
+        rows = [[half[i][j] + half[j][i] for j in range(size)] for i in range(size)]
+        exact = all(minor([row[:k] for row in rows[:k]]) > 0 for k in range(1, size + 1))
+        assert is_positive(matrix(rows)) is exact, rows
+        positive += exact
+    assert 20 < positive < 140
 
 
 def test_a_decay_is_a_bound_of_the_least_eigenvalue_of_the_symmetric_part() -> None:
@@ -66,6 +83,8 @@ def test_a_decay_is_a_bound_of_the_least_eigenvalue_of_the_symmetric_part() -> N
 def test_what_is_less_than_a_unit_is_rounded_against_the_claim() -> None:
     assert norm([(0, 1), (0, 1)]) == 2
     assert norm([(-3, 0), (0, 4)]) >= 5
+    assert decay([[(4, 6)]], [0], 1) == 4
+    assert decay([[(-6, -4)]], [0], -1) == 4
     # Twice 5 less 1 is 9.
     assert decay([[(5, 5), (1, 1)], [(0, 0), (5, 5)]], [0, 1], 1) == 4
     assert decay([[(-5, -5), (1, 1)], [(0, 0), (-5, -5)]], [0, 1], -1) == 4

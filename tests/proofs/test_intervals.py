@@ -33,12 +33,16 @@ def rational_operations_hold(cases: int) -> None:
         assert ia.magnitude(x) >= abs(a) * ia.ONE
         if y[0] > 0 or y[1] < 0:
             assert holds(ia.divide(x, y), a / b)
+            assert holds(ia.power(y, -3), b**-3)
         for exponent in (0, 1, 2, 3, 6):
             assert holds(ia.power(x, exponent), a**exponent), (one, exponent)
         if a > 0 and x[0] > 0:
             for degree in (2, 3, 5):
                 low, high = ia.root(x, degree)
                 assert low**degree <= a * ia.ONE**degree <= high**degree
+                # Of ends two units apart at most.
+                end = ia.root((x[0], x[0]), degree)
+                assert (end[0], end[1] - end[0] <= 2) == (low, True)
 
 
 def elementary_functions_hold(cases: int) -> None:
@@ -51,6 +55,9 @@ def elementary_functions_hold(cases: int) -> None:
                 value = getattr(mpmath, name)(mpmath.mpf(a.numerator) / a.denominator) * ia.ONE
                 found = getattr(ia, name)(enclosing(low, high))
                 assert found[0] <= value <= found[1], (name, low, high, a)
+                # Of one number a few units, or the last of eighty bits.
+                most = (1 << 10) + (max(map(abs, found)) >> 80)
+                assert low != high or found[1] - found[0] <= most, (name, low)
 
 
 def test_a_product_is_the_least_interval_for_all_signs() -> None:
@@ -60,6 +67,11 @@ def test_a_product_is_the_least_interval_for_all_signs() -> None:
         for b in sides:
             products = [p * q // ia.ONE for p in a for q in b]
             assert ia.multiply(a, b) == (min(products), max(products))
+
+
+def test_a_hull_is_the_least_interval_that_holds_both() -> None:
+    assert ia.hull((1, 3), (2, 5)) == ia.hull((2, 5), (1, 3)) == (1, 5)
+    assert ia.hull((1, 5), (2, 3)) == ia.hull((2, 3), (1, 5)) == (1, 5)
 
 
 def test_rational_operations_hold_the_exact_value() -> None:
@@ -94,11 +106,19 @@ def test_half_pi_is_enclosed_to_the_last_digits() -> None:
     assert ia.HALF_PI[1] - ia.HALF_PI[0] < 1 << 8
 
 
-@pytest.mark.parametrize("x", [1e-20, -1e-20, 1e19, 1e25, -1e25, 1e300, -1e300])
-def test_inverse_tangents_of_the_smallest_and_the_largest_numbers_are_held(x: float) -> None:
-    low, high = ia.atan(enclosing(x, x))
-    with mpmath.workprec(2000):
-        assert low <= mpmath.atan(mpmath.mpf(x)) * ia.ONE <= high
+SIZES = [2.0**-96, 3 * 2.0**-96, 1e-20, 0.5, 1.0, 63.9, 64.1, 65.0, 300.0, 1e19, 2e19, 1e25, 1e200, 1e300]
+
+
+@pytest.mark.parametrize("name", ["atan", "tanh", "log"])
+@pytest.mark.parametrize("x", SIZES)
+def test_functions_of_the_smallest_and_the_largest_numbers_are_held(name: str, x: float) -> None:
+    for sign in (1,) if name == "log" else (1, -1):
+        unit = int(sign * Fraction(x) * ia.ONE)
+        low, high = getattr(ia, name)((unit, unit))
+        with mpmath.workprec(2500):
+            assert low <= getattr(mpmath, name)(mpmath.mpf(unit) / ia.ONE) * ia.ONE <= high
+        # An angle of more than 2^64 is within 2^-64 of a right one.
+        assert high - low <= (1 << 33 if x > 2.0**64 and name == "atan" else 512)
 
 
 @pytest.mark.parametrize(
@@ -107,6 +127,7 @@ def test_inverse_tangents_of_the_smallest_and_the_largest_numbers_are_held(x: fl
         lambda: ia.divide(ia.UNIT, (-1, 1)),
         lambda: ia.log((0, 5)),
         lambda: ia.root((-1, 5), 2),
+        lambda: ia.root((0, 5), 2),
         lambda: ia.exp((0, 3000 * ia.ONE)),
         lambda: ia.power(enclosing(1e300, 1e300), 1000),
     ],

@@ -84,6 +84,16 @@ def test_cones_hold_as_far_as_they_do(sign: int, epsilon: float, collar: float) 
         assert holds(cone(plain, slope=share * least, collar=collar)) is said
 
 
+@pytest.mark.parametrize(("slope", "said"), [(0.5, False), (0.95, False), (4.0, True)])
+def test_cones_are_not_taken_for_granted_where_no_decay_is_seen(slope: float, said: bool) -> None:
+    # Over the whole region the decay 1 + n is from -2 to 4; n is 0.
+    n = "((1 + z0**2)**2 - 1 - 2*z0**2 - z0**4)"
+    plain = proof(epsilon=0.0625, equations=[f"-(z1 - z0)*(1 + {n})"], remainder=[f"-z1*(1 + {n}) + z0"])
+    plain |= {"widths": [(1.25).hex()], "reach": [(2.0).hex()], "collar": (0.875).hex()}
+    least = 1.0 / (1.0 - 0.0625 * 2.25)
+    assert holds(cone(plain, slope=slope * least, collar=1.25)) is said
+
+
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("collar", [1.25, 2.0])
 def test_a_slow_flow_that_helps_is_cut_off_to_one_that_does_not(sign: int, collar: float) -> None:
@@ -107,6 +117,26 @@ def test_a_residual_grows_with_epsilon() -> None:
     plain = proof(equations=["-(z1 - z0) + 2*z2**2"], remainder=["-z1 + z0 + 2*z2"], reach=[(3.0).hex()])
     for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
         assert holds(plain | {"widths": [(1.5 * share).hex()]}) is said
+
+
+def test_a_residual_is_looked_at_from_within_its_box() -> None:
+    # rho = 3 + 1/x on [1, 3], up to 4; seen from -1 it would be 2 at most.
+    plain = proof(epsilon=0.0625, equations=["-(z1 - z0) + z2*(3 + 1/z0 - z0)"], remainder=["-z1 + 3 + 1/z0"])
+    plain = cone(plain, slope=16.0, collar=4.0) | {"reach": [(9.0).hex()], "collar": (0.875).hex()}
+    plain |= {"region": [[(1.0).hex(), (3.0).hex()]]}
+    for width, said in ((2.5, False), (3.9, False), (4.1, True)):
+        assert holds(plain | {"widths": [width.hex()]}) is said
+
+
+@pytest.mark.parametrize(("rate", "left", "said"), [
+    ("-z0 + 8*z2", "z0 - 8*z2", True), ("-z0 + 20*z2", "z0 - 20*z2", False), ("-z0 + 1", "z0 - 1", False),
+    ("-z0 - 20*z2", "z0 + 20*z2", False), ("-z0 - 1", "z0 + 1", False),
+])  # fmt: skip
+def test_the_slow_flow_at_a_side_is_that_for_every_epsilon_and_strict(rate: str, left: str, said: bool) -> None:
+    plain = proof(epsilon=0.0625, rates=[rate], remainder=[f"-z1 + {left}"], boundary="inflowing")
+    plain = cone(plain, slope=16.0, collar=4.0) | {"widths": [(2.5).hex()], "reach": [(9.0).hex()]}
+    assert holds(plain | {"collar": (0.75).hex()}) is said
+    assert holds(plain | {"collar": (0.75).hex(), "boundary": "mixed"})
 
 
 def test_a_face_is_crossed_on_both_sides_of_the_graph() -> None:

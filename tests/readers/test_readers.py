@@ -311,6 +311,15 @@ def test_a_call_counts_once_for_itself_and_once_for_each_that_is_nested_in_it() 
         parse_expression(text(18), symbols={"x": x})
 
 
+def test_a_call_that_stands_in_many_places_counts_once() -> None:
+    """It is built once, as the intermediate values of an exported reduction are that its other lines are made of."""
+    x = sp.Symbol("x")
+    told = parse_expression(" + ".join(f"x^{k}*sqrt(1 + cos(x))" for k in range(1, 60)), symbols={"x": x})
+    assert told.xreplace({x: sp.S.Zero}) == 0
+    extrema = parse_expression(" + ".join(f"x^{k}*max(x, 1)" for k in range(1, 60)), symbols={"x": x})
+    assert extrema.atoms(sp.Max) == {sp.Max(1, x)}
+
+
 @pytest.mark.parametrize("key", sampled(HOSTILE, always=set(HOSTILE) - {"wide cosh"}))
 def test_hostile_text_is_refused_at_once(key):
     # Unguarded, these take minutes or the memory of the machine.

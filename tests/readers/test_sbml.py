@@ -143,6 +143,18 @@ def test_reactions_are_rates_and_what_they_conserve_is_written_out(tmp_path: Pat
     assert "conserved: E + C in amounts; E follows from the others" in scene.description
 
 
+def test_what_is_small_does_not_follow_from_what_is_large(tmp_path: Path) -> None:
+    """D is 0, and 1e9 - A rounds to 1e-7, ten thousand times the absolute tolerance that x needs."""
+    kinds = species("A", "1e9") + species("D", "0") + species("x", "0.1") + species("y", "0.2")
+    there, back = reaction("go", "x, A", "y, A", "c*x*A/1e9"), reaction("come", "y, A", "x, A", "c*y*A/2e9")
+    laws = reaction("turn", "D", "A", "c*8500*D") + there + back
+    scene = scene_of(tmp_path, document(species=kinds, reactions=laws))
+    assert {z.name for z in scene.system.states} == {"D", "x"}
+    assert "A follows from the others" in scene.description
+    done = CliRunner().invoke(cli, ["run", str(tmp_path / "model.xml"), "--json"])
+    assert "reached the end" in done.stdout
+
+
 def test_a_scene_is_that_of_the_model_file_that_the_import_writes(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, ENZYME)
     (tmp_path / "model.toml").write_text(import_model(tmp_path / "model.xml").text)

@@ -19,55 +19,26 @@ from gsp.scenes import study
 from tests.cases import sampled
 
 COMBINATIONS = """
-[parameters]
-k = 0.5
-[states]
-a = "-(a-k*b)/epsilon"
-b = "(a-k*b)/epsilon - b"
-[region]
-a = [0.1, 2]
-b = [0.1, 2]
-[start]
-a = 1
-b = 1
-[scene]
-span = [0, 2]
-epsilon = 0.01
+parameters = { k = 0.5 }
+states = { a = "-(a-k*b)/epsilon", b = "(a-k*b)/epsilon - b" }
+region = { a = [0.1, 2], b = [0.1, 2] }
+start = { a = 1, b = 1 }
+scene = { span = [0, 2], epsilon = 0.01 }
 """
 HINDMARSH_ROSE = """
-[parameters]
-I = 2
-[slow]
-z = "4*(x + 1.6) - z"
-[fast]
-x = "y - x^3 + 3*x^2 - z + I"
-y = "1 - 5*x^2 - y"
-[region]
-z = [1.83, 2.5]
-x = [-3, -1.35]
-[start]
-z = 1.83
-x = -1.4
-y = -9.5
-[scene]
-span = [0, 1]
-epsilon = 0.02
-tolerance = 1e-3
+parameters = { I = 2 }
+slow = { z = "4*(x + 1.6) - z" }
+fast = { x = "y - x^3 + 3*x^2 - z + I", y = "1 - 5*x^2 - y" }
+region = { z = [1.83, 2.5], x = [-3, -1.35] }
+start = { z = 1.83, x = -1.4, y = -9.5 }
+scene = { span = [0, 1], epsilon = 0.02, tolerance = 1e-3 }
 """
 MODULUS = """
-[slow]
-s = "-s"
-[fast]
-c = "s - abs(c)"
-[region]
-s = [0.5, 2]
-c = [0, 3]
-[start]
-s = 1
-c = 0.3
-[scene]
-span = [0, 1]
-epsilon = 0.01
+slow = { s = "-s" }
+fast = { c = "s - abs(c)" }
+region = { s = [0.5, 2], c = [0, 3] }
+start = { s = 1, c = 0.3 }
+scene = { span = [0, 1], epsilon = 0.01 }
 """
 
 

@@ -138,7 +138,9 @@ def test_without_boxes_there_is_no_picture() -> None:
 def test_json_has_no_certificate_where_none_was_asked_for() -> None:
     content = hyperbolicity_as_json(classify(branch(x - 2 * y), region={"x": (0, 1)}))
     assert content["certificate"] is None
-    assert content["exclusion"] == {"tried": 1, "left": [], "share": 0, "reason": "", "gap": 2}
+    assert content["exclusion"] == {
+        "tried": 1, "left": [], "share": 0, "reason": "", "gap": 2, "by_discriminant": True
+    }  # fmt: skip
 
 
 def test_what_is_said_of_the_gap_is_what_is_proved(van_der_pol: Analysis) -> None:

@@ -142,7 +142,7 @@ def test_page_is_well_formed_and_fetches_nothing(written):
     for tag, attributes in page.tags:
         assert tag not in {"link", "object"}
         # The panel stands in the page itself.
-        assert tag != "iframe" or attributes["sandbox"] == "allow-scripts"
+        assert tag != "iframe" or attributes["sandbox"] == "allow-scripts allow-downloads"
         for name in ("src", "href", "action", "data"):
             assert (attributes.get(name) or "data:").startswith("data:")
     # One script, which makes the panel's frame as high as the panel, and which the policy lets run by its hash.
@@ -429,7 +429,7 @@ def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(written):
 
 
 def test_what_is_reported_is_an_analysis(tmp_path) -> None:
-    with pytest.raises(DeclarationError, match=r"write_report takes an Analysis\. Got None"):
+    with pytest.raises(DeclarationError, match=r"write_report takes an Analysis or an Averaging\. Got None"):
         write_report(None, tmp_path / "out")
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sympy as sp
-from matplotlib.figure import Figure
 
-from gsp import charts, compare, failure_map, integrate, mixed_mode, models, periodic_orbit
+from gsp import charts, compare, integrate, mixed_mode, models, periodic_orbit
 from gsp.analysis import pictured_runs
 from gsp.analysis.fold_surroundings import boundary_of
 from gsp.charts.style import mathematics
 from gsp.errors import DeclarationError
 from gsp.hyperbolicity.hyperbolicity import classify
-from gsp.report.sections import _is_decimal
+from gsp.report.setting import is_decimal
 from gsp.scenes.study import study_of
 from gsp.singular.mixed_modes import MixedMode
 
@@ -50,15 +49,6 @@ def test_swings_are_counted_from_quarter_to_quarter():
     assert pictured_runs._swings(np.sin(t) * 0.1 + np.linspace(0, 10, t.size)) == 1
 
 
-def test_a_failure_map_is_plotted_as_two_maps_or_on_given_axes_as_one():
-    found = failure_map(models.load("linear"), epsilons=(0.05, 0.02), orders=(0, 1))
-    both = found.plot()
-    assert len(both.figure.axes) == 2
-    given = Figure().subplots()
-    assert found.plot(given) is given
-    assert given.get_xlabel() == both.get_xlabel()
-
-
 def test_results_are_plotted_and_shown_in_a_notebook():
     scene = models.load("van_der_pol")
     run = integrate(scene.system, start=scene.start, span=(0, 4), epsilon=0.05)
@@ -72,8 +62,9 @@ def test_results_are_plotted_and_shown_in_a_notebook():
     assert labels == ["$y$", "$x$"]
     given = orbit.plot()
     assert run.plot(given) is given
-    with pytest.raises(DeclarationError, match="no chart of a int"):
-        charts.draw(3)
+    for value in (3, DeclarationError("a fact.")):
+        with pytest.raises(DeclarationError, match=f"no chart of a {type(value).__name__}"):
+            charts.draw(value)
 
 
 def test_names_of_several_letters_are_upright_and_decimals_are_decimals():
@@ -81,6 +72,6 @@ def test_names_of_several_letters_are_upright_and_decimals_are_decimals():
     assert mathematics("Ca_i") == r"$\mathrm{Ca}_{i}$"
     assert mathematics("omega") == r"$\omega$"
     assert mathematics("y1") == "$y_{1}$"
-    assert _is_decimal(sp.Rational(3, 10))
-    assert not _is_decimal(sp.Rational(1, 3))
-    assert not _is_decimal(sp.Integer(2))
+    assert is_decimal(sp.Rational(3, 10))
+    assert not is_decimal(sp.Rational(1, 3))
+    assert not is_decimal(sp.Integer(2))

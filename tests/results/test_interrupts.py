@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import gc
+import inspect
 import json
 import os
 import signal
@@ -23,10 +24,11 @@ from gsp.errors import Status
 from gsp.integration.crossings import Search
 from gsp.integration.events import Event
 from gsp.integration.methods import Method
-from gsp.integration.trajectory import integrate, trajectory_of
+from gsp.integration.trajectory import RunOptions, integrate, trajectory_of
 from gsp.results import interrupts
 from gsp.systems.system import SlowFastSystem, VectorField
-from tests.cases import sampled
+from tests.cases import sampled, thinned
+from tests.contracts import public
 
 ROOT = Path(__file__).parent.parent.parent
 x, y, epsilon = sp.symbols("x y epsilon")
@@ -36,9 +38,10 @@ pytestmark = pytest.mark.usefixtures("interruptible")
 # `gsp` with Ctrl-C after so many seconds of the processor's time, in a fresh process each; 0 measures them only.
 SERVER = """
 import json, os, signal, sys, time
-import gsp.cli, gsp.analysis.analysis, gsp.report, gsp.choice.choice, gsp.comparison.work_precision
-import gsp.comparison.failure_map
-from gsp import charts
+import gsp.cli
+
+for name in gsp.__all__:
+    getattr(gsp, name)
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGVTALRM, lambda number, frame: signal.raise_signal(signal.SIGINT))
@@ -187,7 +190,7 @@ def half(call):
 
 def test_a_run_inside_a_verb_ends_the_verb_and_a_run_alone_is_kept():
     options = {"start": {"x": 1, "y": 0}, "span": (0, 20000), "rtol": 1e-6, "atol": 1e-6}
-    half(lambda progress: trajectory_of(OSCILLATOR, progress=progress, **options))
+    half(lambda progress: trajectory_of(OSCILLATOR, options=RunOptions(progress=progress), **options))
 
     def interrupt(share):
         if share > 0.3:
@@ -285,20 +288,18 @@ def test_a_continuation_inside_a_verb_ends_it():
     assert uninterrupted(done) is done
 
 
-@pytest.mark.parametrize(
-    "verb",
-    [
-        lambda scene, progress: gsp.analyse(scene, order=1, progress=lambda stage, share: progress(share)),
-        lambda scene, progress: gsp.compare(scene, orders=(0, 1), progress=progress),
-        pytest.param(
-            lambda scene, progress: gsp.work_precision(scene, progress=progress), marks=pytest.mark.exhaustive
-        ),
-        lambda scene, progress: gsp.failure_map(scene, progress=progress),
-    ],
-    ids=["analyse", "compare", "work_precision", "failure_map"],
-)
-def test_every_verb_of_a_scene_raises_it(verb, tmp_path):
-    half(lambda progress: verb(gsp.load(small(tmp_path)), progress))
+CONTRACTS = public("VERBS")
+OF_SCENES = [
+    name for name, contract in CONTRACTS.items()
+    if "Study" in contract.takes and "progress" in inspect.signature(getattr(gsp, name)).parameters
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", thinned(OF_SCENES, 2))
+def test_every_verb_of_a_scene_raises_it(verb, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene, options = gsp.load(small(tmp_path)), CONTRACTS[verb].right()
+    half(lambda progress: getattr(gsp, verb)(scene, **options, progress=lambda *told: progress(told[-1])))
 
 
 # An exception raised where Python drops it

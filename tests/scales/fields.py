@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import sympy as sp
 
+from gsp.scales.small_parameter import SmallParameters
+from gsp.scales.special_values import small_parameters
 from gsp.systems.system import VectorField
 
 s, c, e0, k1, km1, k2, km2 = sp.symbols("S C e0 k1 km1 k2 km2")
@@ -32,6 +37,12 @@ def rosenzweig_macarthur() -> VectorField:
         },
         (alpha, beta, gamma, delta, eta, rho),
     )
+
+
+@cache
+def small_of(make: Callable[[], VectorField]) -> SmallParameters:
+    """What may be called small in one of these fields."""
+    return small_parameters(make())
 
 
 def mutualism() -> VectorField:

@@ -10,14 +10,14 @@ import sympy as sp
 
 from gsp.scales.special_values import small_parameters
 from gsp.splitting.splitting import split
-from tests.scales.fields import field, michaelis_menten, mutualism, rosenzweig_macarthur
+from tests.scales.fields import field, michaelis_menten, mutualism, rosenzweig_macarthur, small_of
 
 x, y, z, a, b, k = sp.symbols("x y z a b k")
 
 
 @pytest.mark.parametrize("make", [michaelis_menten, rosenzweig_macarthur])
 def test_at_epsilon_one_the_field_is_the_original(make) -> None:
-    for each in small_parameters(make()):
+    for each in small_of(make):
         assert all(
             sp.expand(rate.subs(each.epsilon, 1) - own) == 0
             for rate, own in zip(each.field.rates, each.original.rates)
@@ -38,18 +38,19 @@ def test_the_reduction_is_that_of_split(make, dimension: int) -> None:
 def test_what_is_said_of_attraction_holds_at_points(make) -> None:
     random = np.random.default_rng(3)
     decided = 0
-    for each in small_parameters(make()):
+    for each in small_of(make):
         layer = sp.Matrix([sp.limit(rate * each.epsilon, each.epsilon, 0) for rate in each.field.rates])
         linear = layer.jacobian(each.original.states)
         assert each.graph is not None
+        free = [s for s in (*each.original.states, *each.original.parameters) if s not in each.graph]
+        on_manifold = [s.subs(each.graph) for s in each.original.states]
+        at = sp.lambdify([free], [on_manifold, linear.subs(each.graph)])
         signs = set()
         for _ in range(40):
-            free = [s for s in (*each.original.states, *each.original.parameters) if s not in each.graph]
-            point = {s: sp.Rational(int(n), 100) for s, n in zip(free, random.integers(1, 300, len(free)))}
-            point |= {s: e.subs(point) for s, e in each.graph.items()}
-            if any(point[s] < 0 for s in each.original.states):
+            point, matrix = at(random.integers(1, 300, len(free)) / 100)
+            if min(point) < 0:
                 continue
-            values = np.linalg.eigvals(np.array(linear.subs(point), dtype=float))
+            values = np.linalg.eigvals(np.array(matrix, dtype=float))
             fast = values[np.argsort(-np.abs(values))][: len(each.graph)]
             signs.add(bool(fast.real.max() < 0))
         if each.is_positive is False:
@@ -79,7 +80,7 @@ def test_of_three_fast_directions_hurwitz_decides() -> None:
 
 
 def test_texts_and_what_is_left() -> None:
-    found = small_parameters(michaelis_menten())
+    found = small_of(michaelis_menten)
     standard = next(each for each in found if each.vanishing == ("e0",))
     assert str(standard) == "e0 -> 0: C = 0, attracts"
     assert standard.kept == ("k1", "km1", "k2")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 import sympy as sp
 
@@ -120,6 +122,16 @@ def test_poles_and_functions_are_read_and_parameters_within_functions_stay() -> 
     assert sp.limit(only.field.equations[x] * only.epsilon, only.epsilon, 0) == (y - x) / a
 
 
+def test_a_manifold_on_which_a_function_has_no_value_is_none() -> None:
+    """A reactor cooled by a wall: T = 0 and W = 0 are no equilibria of exp(-E/T), but T = W at large cooling is."""
+    c, T, W, E, q, h, tau = sp.symbols("c T W E q h tau")
+    burnt = c * sp.exp(-E / T)
+    found = small_parameters(field({c: -burnt, T: q * burnt - h * (T - W), W: (T - W) / tau}, (E, q, h, tau)))
+    rates = [rate for each in found for rate in each.reduced.values()]
+    assert not any(rate.has(sp.zoo, sp.nan, sp.oo) for rate in rates)
+    assert any(each.vanishing == ("tau",) for each in found)
+
+
 def test_the_work_is_bounded_and_what_was_found_is_given(monkeypatch) -> None:
     monkeypatch.setattr(special_values, "BUDGET", 300)
     found = small_parameters(rosenzweig_macarthur())
@@ -154,3 +166,58 @@ def test_a_field_with_a_small_parameter_is_sent_to_split() -> None:
     with pytest.raises(DeclarationError, match="in vanishing and in kept"):
         small_parameters(michaelis_menten(), kept=["e0"], vanishing=["e0"])
     assert small_parameters(field({x: -a * x}, (a,))) == ()
+
+
+def test_a_pole_of_order_two_is_told_with_what_it_comes_from() -> None:
+    q, v, mu, d, c = sp.symbols("q v mu d c")
+    joint = field({q: v, v: -q / mu**2 - d * v / mu - c * v}, (mu, d, c))
+    found = small_parameters(joint)
+    told = {each.vanishing for each in found}
+    assert not any("mu" in vanishing for vanishing in told)
+    # mu alone or with d, c or both: 4 of 7 choices.
+    assert "4 have a pole of order two or more, the first with mu," in found.message
+    # With the spring's force as a state there is none.
+    f = sp.Symbol("f")
+    forced = field({f: -v / mu, v: (f - d * v) / mu - c * v}, (mu, d, c))
+    found = small_parameters(forced)
+    assert "pole" not in found.message
+
+
+@pytest.mark.parametrize(
+    ("is_reversible", "configurations", "moving", "alone"), [(False, 57, 16, 14), (True, 195, 82, 70)]
+)
+def test_configurations_of_small_and_large_parameters_of_an_enzyme(
+    is_reversible: bool, configurations: int, moving: int, alone: int
+) -> None:
+    """Each parameter small, of order one or large, up to the unit of time: 14 of Lapuz and Wechselberger (2025).
+
+    They are those of the irreversible scheme in which one manifold attracts, with no other there, and something moves.
+    """
+    s, c, e0, q, *rates = sp.symbols("s c e0 q k1 km1 k2 km2")
+    rates = rates[: 3 + is_reversible]
+    on, off, make, back = (*rates, sp.Integer(0))[:4]
+    bound, made = on * (e0 - c) * s - off * c, make * c - back * (e0 - c) * (1 - s - c)
+    found = {}
+    for signs in itertools.product((-1, 0, 1), repeat=1 + len(rates)):
+        power = signs[0], *(k - min(signs[1:]) for k in signs[1:])
+        if power in found:
+            continue
+        scaled = {p: p * q**k for p, k in zip((e0, *rates), power)}
+        terms = {
+            z: sp.Add.make_args(sp.expand(r.xreplace(scaled))) for z, r in ((s, -bound), (c, bound - made))
+        }
+        least = min(term.as_coeff_exponent(q)[1] for row in terms.values() for term in row)
+        equations = {z: sp.Add(*[term / q**least for term in row]) for z, row in terms.items()}
+        present = [p for p in (e0, *rates, q) if any(r.has(p) for r in equations.values())]
+        found[power] = (
+            small_parameters(field(equations, present), vanishing=["q"], kept=[p.name for p in present[:-1]])
+            if q in present
+            else ()
+        )
+
+    def useful(each) -> bool:
+        return each.attracts is not False and each.is_positive is not False and not each.is_trivial
+
+    counts = [any(map(useful, pieces)) for pieces in found.values()]
+    single = [len(pieces) == 1 and useful(pieces[0]) for pieces in found.values()]
+    assert (len(found), sum(counts), sum(single)) == (configurations, moving, alone)

@@ -30,10 +30,14 @@ def enzyme(unit: sp.Rational) -> Scene:
 
 
 def test_the_smallest_state_sets_the_absolute_tolerance() -> None:
-    assert absolute_tolerance(1e-8, {"x": (-2, 1)}, {"y": 0.5}) == SHARE * 1e-8
+    assert absolute_tolerance(1e-8, {"x": (-2, 1)}, {"y": 0.5}) == pytest.approx(0.5 * SHARE * 1e-8)
     # A state is as large as it gets, and one that is nowhere but 0 is not asked.
     assert absolute_tolerance(1e-8, {"x": (-1, 1)}, {"x": 1e-6, "y": 0.0}) == SHARE * 1e-8
-    assert absolute_tolerance(1e-8, {"x": (0, 1e-6)}, {"x": 0.0}, {"x": 2e-6}) == pytest.approx(2e-14)
+    assert absolute_tolerance(1e-8, {"x": (0, 1e-6)}, {"x": 0.0}, {"x": 2e-6}) == pytest.approx(
+        2e-6 * SHARE * 1e-8
+    )
+    # In other units it is another number for the same run.
+    assert absolute_tolerance(1e-8, {"x": (0, 2e6)}, {"y": 1e6}) == pytest.approx(1e6 * SHARE * 1e-8)
 
 
 def test_a_run_is_as_exact_in_nanomoles() -> None:

@@ -77,6 +77,25 @@ def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
     assert steps[1] < 0.1
 
 
+@pytest.mark.parametrize("powers", [(-6, -6, 6), (6, -6, -6), (-6, 6, -6)])
+@pytest.mark.parametrize("name", ["two fast variables", "two slow variables"])
+def test_neither_the_orbit_nor_its_period_depends_on_the_units_of_the_states(name, powers):
+    system, start = CASES[name]
+    units = {s: sp.Integer(10) ** power for s, power in zip(system.states, powers)}
+    inner = {s: s / unit for s, unit in units.items()}
+    slow, fast = (
+        {s: units[s] * e.xreplace(inner) for s, e in rates.items()} for rates in (system.slow, system.fast)
+    )
+    scaled = SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    orbit = orbit_of(scaled, {s.name: start[s.name] * float(unit) for s, unit in units.items()})
+    plain = orbit_of(system, start)
+    assert orbit.period_pieces == plain.period_pieces
+    assert orbit.coefficients == pytest.approx(plain.coefficients, rel=1e-6)
+    for one, other in zip(plain.cycle, orbit.cycle):
+        for s, unit in units.items():
+            assert other.landing[s.name] / float(unit) == pytest.approx(one.landing[s.name], rel=1e-8)
+
+
 @pytest.mark.exhaustive
 def test_nonlinear_coordinates_change_the_coefficients_of_the_folds_and_not_the_period(van_der_pol):
     # x = X + X^2/10 and y = Y + Y^2/10, both increasing where the orbit is.

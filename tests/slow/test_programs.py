@@ -6,7 +6,8 @@ import sympy as sp
 
 from gsp import SlowFastSystem, expand, integrate, restrict, solve_critical
 from gsp.critical.sampling import Sampler
-from gsp.errors import HyperbolicityError, Status
+from gsp.errors import BudgetError, HyperbolicityError, Status
+from gsp.integration import restriction
 from gsp.integration.reduction_end import validity
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.slow import coordinates
@@ -143,3 +144,22 @@ def test_a_matrix_that_is_singular_throughout_is_refused() -> None:
 
     with pytest.raises(HyperbolicityError, match="singular on the whole branch"):
         expand(Branch(system, tuple(rates.values()), None), order=1)
+
+
+def test_coordinates_whose_motion_is_over_the_budget_move_by_programs(monkeypatch) -> None:
+    system = chain(2)
+    series = expand(sheet(system), order=1)
+    written = restrict(series)
+    calls = []
+
+    def over_budget_at_first(chart, f):
+        calls.append(chart)
+        if len(calls) == 1:
+            raise BudgetError("too long.")
+        return coordinates.moving(chart, f)
+
+    monkeypatch.setattr(restriction, "moving", over_budget_at_first)
+    run = restrict(series)
+    point = {s: sp.Rational(1, k + 3) for k, s in enumerate((*run.states, eps))}
+    values = [[rate.xreplace(point) for rate in flow.rates] for flow in (written, run)]
+    assert sp.Matrix(values[0]) == sp.Matrix(values[1]).applyfunc(sp.simplify)

@@ -364,6 +364,21 @@ def test_kinks_in_fast_variables_expand_on_an_implicit_branch() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("jump", "value"),
+    [(sp.sign(y - 1), 1), (sp.sign(1 - y), -1), (sp.Heaviside(y - 1), 1), (sp.sign(x - 2), -1)],
+)
+def test_a_sign_of_a_variable_keeps_its_value_on_the_branch(jump: sp.Expr, value: int) -> None:
+    # It has the slope 0, and yet the equation is not linear in y: at y = 0, which was put in, it has another value.
+    system = SlowFastSystem(slow={x: -x + y / 4}, fast={y: x - y + jump / 9}, epsilon=eps)
+    beyond = SlowFastSystem(slow={x: -x + y / 4}, fast={y: x - y + sp.Rational(value, 9)}, epsilon=eps)
+    found, expected = (expand(solve_critical(s).nearest({x: 1.5, y: 1.6}), order=3) for s in (system, beyond))
+    near = np.array([[1.5 + value / 9]])
+    np.testing.assert_allclose(
+        found.evaluate([[1.5]], 0.01, near=near), expected.evaluate([[1.5]], 0.01), rtol=1e-13
+    )
+
+
 def test_a_kink_along_the_whole_branch_has_no_series() -> None:
     # y = epsilon x + ..., so that z = |y| is no power series, though M0 itself is found.
     system = SlowFastSystem(slow={x: -x}, fast={y: eps * x - y, z: sp.Abs(y) - z}, epsilon=eps)
@@ -372,10 +387,39 @@ def test_a_kink_along_the_whole_branch_has_no_series() -> None:
         expand(branch_of(system), order=1)
 
 
-def test_piecewise_is_refused_with_its_equation_and_a_remedy() -> None:
-    system = SlowFastSystem(slow={x: -x}, fast={y: sp.Piecewise((x, x > 0), (0, True)) - y}, epsilon=eps)
-    with pytest.raises(UnsupportedFunctionError, match=r"in the equation for y': Piecewise.*Write it with Abs"):
-        expand(branch_of(system), order=1)
+THIRD, LATE = sp.Rational(1, 3), sp.Rational(2, 3)
+STAIRS = sp.Heaviside(x - THIRD) + 2 * sp.Heaviside(x - LATE)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "same"),
+    [
+        (sp.Piecewise((x, x > THIRD), (THIRD, True)), sp.Max(x, THIRD)),
+        (sp.Piecewise((-y, (y < 0) & (x > -2)), (y, True)), sp.Abs(y)),
+        (sp.Piecewise((0, x < THIRD), (1, sp.Or(x < 0, x < LATE)), (3, True)), STAIRS),
+        (sp.Piecewise((7, sp.Eq(x, THIRD)), (y, sp.Not(y >= THIRD)), (THIRD, True)), sp.Min(y, THIRD)),
+    ],
+)
+def test_cases_have_the_series_of_what_they_are_on_each_side(pieces: sp.Expr, same: sp.Expr) -> None:
+    points = [[0.2], [0.5], [0.9]]
+    values = []
+    for function in (pieces, same):
+        system = SlowFastSystem(
+            slow={x: -x * y - function / 2}, fast={y: x - 3 * y + function / 5}, epsilon=eps
+        )
+        series = expand(branch_of(system, x=0.5, y=0.2), order=2)
+        values.append([series.evaluate(points, e) for e in (0.01, 0.05)])
+    assert np.allclose(*values, rtol=1e-13)
+
+
+def test_cases_that_leave_something_out_or_ask_more_than_inequalities_are_refused() -> None:
+    for pieces, words in (
+        (sp.Piecewise((x, x > 0), (0, x < -1)), "in the equation for y': .*End it with a value"),
+        (sp.Piecewise((x, sp.Xor(x > 0, y > 0)), (0, True)), "inequalities, And, Or and Not"),
+    ):
+        system = SlowFastSystem(slow={x: -x}, fast={y: pieces - y}, epsilon=eps)
+        with pytest.raises(UnsupportedFunctionError, match=words):
+            expand(branch_of(system), order=1)
 
 
 def test_a_series_is_printed_through_its_last_order() -> None:

@@ -13,7 +13,7 @@ from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import Isolation, Tally
 from tests.slow_tubes.test_slow_tube import series, x, y
 
-z = sp.Symbol("z")
+v, z = sp.symbols("v z")
 NEAR = 2.0**-12
 
 
@@ -71,12 +71,15 @@ def test_cones_hold_as_far_as_they_do(sign: int, epsilon: float, collar: float) 
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_what_the_fast_variables_do_to_the_slow_ones_counts_in_the_cones(sign: int) -> None:
+@pytest.mark.parametrize("still", [{}, {v: sp.Integer(0)}], ids=["one slow variable", "the second"])
+def test_what_the_fast_variables_do_to_the_slow_ones_counts_in_the_cones(sign: int, still: dict) -> None:
     # x' = y - x, epsilon y' = s (y - x) with epsilon = 1/4: epsilon x' = epsilon^2 z, epsilon z' = (s - epsilon) z, and
     # 1 - s epsilon > epsilon^2 L is needed.
-    manifold = series({x: y - x}, {y: sign * (y - x)}, 0)
+    manifold = series({**still, x: y - x}, {y: sign * (y - x)}, 0)
     basis = AdaptedBasis(sp.eye(1), ((0,),), (sign,))
-    tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.25, 0.25)), Tally(100))
+    tests = Isolation(
+        Invariance(manifold, values={}), basis, (*[(-1.0, 1.0)] * (1 + len(still)), (0.25, 0.25)), Tally(100)
+    )
     for share, said in ((1.0 - NEAR, True), (1.0 + NEAR, False)):
         assert tests.cones([1.0], share * (1.0 - sign * 0.25) * 16.0, 0.0) is said
 

@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from flint import arb
 from scipy.integrate import solve_ivp
 from sympy import Rational as R
 
+from gsp.algebra.precision import precision
 from gsp.errors import DeclarationError, UnsupportedFunctionError
+from gsp.proofs import balls
 from gsp.proofs.verdict import ProofVerdict
 from gsp.slow_tubes import deviation
-from gsp.slow_tubes.reduction_error import bound_reduction
+from gsp.slow_tubes.reduction_error import _Run, bound_reduction
 from gsp.slow_tubes.validated_flow import solution_steps
 from tests.cases import sampled, thinned
 from tests.slow_tubes.test_slow_tube import a, epsilon, michaelis_menten, s, saddle, series, sleigh, v, w, x, y
@@ -265,3 +268,11 @@ def test_a_span_counts_from_its_beginning_and_a_proof_says_what_carried_it() -> 
     assert late.verdict is one.verdict is ProofVerdict.PROVED
     assert (late.times[-1], late.bound) == (one.times[-1], one.bound) == (0.5, one.bound)
     assert "to the end" in one.reason
+
+
+def test_the_bound_is_that_of_the_decimal_that_is_printed() -> None:
+    # The double 0.3 is another number, and does not lie in a ball about 3/10 of four times the precision.
+    with precision(4 * balls.PRECISION):
+        run = _Run(series({x: -x}, {y: -y + x}, 1), 0.3, [arb(1)])
+        assert run.epsilon.contains(arb(3) / 10)
+        assert not run.epsilon.contains(arb(0.3))

@@ -68,7 +68,11 @@ def family(process: int) -> list[int]:
 
 def progress(into: Path) -> int:
     """Chunks that are done."""
-    return sum(1 for _ in into.glob("data-*/ledger/*/*.json"))
+    # `os.walk` passes over a folder that another process renames meanwhile; `Path.glob` raises.
+    ledgers = [
+        file for data in into.glob("data-*") for _, _, files in os.walk(data / "ledger") for file in files
+    ]
+    return sum(file.endswith(".json") for file in ledgers)
 
 
 def finish(way: str, into: Path, points: int = POINTS) -> None:
@@ -88,46 +92,62 @@ def end(client: subprocess.Popen) -> None:
     client.wait()
 
 
+def kill_some(
+    clients: list[subprocess.Popen],
+    way: str,
+    into: Path,
+    points: int,
+    done: int,
+    kills: int,
+    dice: random.Random,
+) -> int:
+    """Kill, from `done` up to `kills` in all, at a random number of chunks done, as long as there is something to do,
+    and put a new client in the place of each; how many are killed then."""
+    chunks = points // CHUNK
+    while done < kills:
+        wanted = progress(into) + dice.randint(0, chunks // 5)
+        while progress(into) < min(wanted, chunks) and any(c.poll() is None for c in clients):
+            time.sleep(0.002)
+        time.sleep(0.05 * dice.random())
+        living = [c for c in clients if c.poll() is None]
+        if not living or progress(into) == chunks:
+            break
+        victim = dice.choice(living)
+        # Half of the time the client itself, which takes its workers along.
+        process = victim.pid if dice.random() < 0.5 else dice.choice(family(victim.pid))
+        try:
+            os.kill(process, signal.SIGKILL)
+        except ProcessLookupError:
+            continue
+        done += 1
+        if process == victim.pid:
+            victim.wait()
+            clients.remove(victim)
+            clients.append(start(way, into, points))
+    return done
+
+
 def disturb(
     scratch: Path, *, way: str, kills: int, seed: int, calm: Path, points: int = POINTS
 ) -> tuple[int, list[str]]:
     """Kill `kills` processes of sweeps at random moments; how many it were, and the files that differ in the end from
     those of `calm`, an undisturbed sweep of as many points."""
     dice = random.Random(seed)
-    chunks = points // CHUNK
     done, wrong, round_ = 0, [], 0
     while done < kills:
         into = scratch / f"disturbed-{round_}"
         round_ += 1
-        # Several kills to a sweep, at a random number of chunks done, as long as there is something to do.
         clients = [start(way, into, points) for _ in range(2 if way in ("files", "hosts") else 1)]
-        while done < kills:
-            before = progress(into)
-            wanted = before + dice.randint(0, chunks // 5)
-            while progress(into) < min(wanted, chunks) and any(c.poll() is None for c in clients):
-                time.sleep(0.002)
-            time.sleep(0.05 * dice.random())
-            living = [c for c in clients if c.poll() is None]
-            if not living or progress(into) == chunks:
-                break
-            victim = dice.choice(living)
-            # Half of the time the client itself, which takes its workers along.
-            process = victim.pid if dice.random() < 0.5 else dice.choice(family(victim.pid))
-            try:
-                os.kill(process, signal.SIGKILL)
-            except ProcessLookupError:
-                continue
-            done += 1
-            if process == victim.pid:
-                victim.wait()
-                clients.remove(victim)
-                clients.append(start(way, into, points))
-        for client in clients:
-            try:
-                client.wait(timeout=600)
-            except subprocess.TimeoutExpired:
-                wrong.append(f"{into.name}: no end")
-            end(client)
+        try:
+            done = kill_some(clients, way, into, points, done, kills, dice)
+            for client in clients:
+                try:
+                    client.wait(timeout=600)
+                except subprocess.TimeoutExpired:
+                    wrong.append(f"{into.name}: no end")
+        finally:
+            for client in clients:
+                end(client)
         finish("files", into, points)
         found, expected = contents(into), contents(calm)
         differing = [name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name)]

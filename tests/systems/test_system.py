@@ -211,6 +211,11 @@ def test_floats_in_rates_and_parameters_become_fractions() -> None:
     assert not any(rate.atoms(sp.Float) for rate in system.rates)
 
 
+def test_sizes_of_exponentials_are_those_of_real_symbols() -> None:
+    """SymPy writes |exp(x)| as exp(re(x))."""
+    assert VectorField({x: -sp.Abs(sp.exp(x - y)), y: y}).rates[0] == -sp.exp(x - y)
+
+
 def test_states_are_slow_then_fast_and_rates_carry_the_pole() -> None:
     system = standard(f=y, g=x - y)
     assert system.states == (x, y)
@@ -344,3 +349,10 @@ def test_a_sum_with_a_term_of_its_own_is_not_worked_out_at_the_parameters(
     assert worked_out == []
     SlowFastSystem(slow={x: tangled}, fast={y: -y}, epsilon=epsilon, parameters={a: 2, b: 1})
     assert worked_out == [1 / tangled]
+
+
+def test_a_field_keeps_all_of_a_system_but_its_equations() -> None:
+    words = {"epsilon": epsilon, "parameters": {a: 2}, "name": "named", "observables": {z: x + y}}
+    system = SlowFastSystem(slow={x: a * y}, fast={y: x - y}, **words)
+    assert system.as_field() == VectorField({x: a * y, y: (x - y) / epsilon}, **words)
+    assert system.as_field({x: -x / epsilon, y: y}) == VectorField({x: -x / epsilon, y: y}, **words)

@@ -13,9 +13,11 @@ import xarray
 
 import gsp
 from gsp.errors import OutputError
+from gsp.results.registry import tables
 from gsp.results.tabular import Tabular, table_of
 from tests.cases import thinned
-from tests.test_contract import hopf, michaelis
+from tests.contracts import public
+from tests.example_nouns import blank, hopf, michaelis
 from tests.test_transport import CASES, noun
 
 epsilon, x = sp.symbols("epsilon x")
@@ -31,13 +33,8 @@ def nested(values: list, shape: list[int]) -> None:
             nested(inner, shape[1:])
 
 
-def test_what_is_a_table_or_a_grid_is_tabular() -> None:
-    assert set(TABULAR) == {
-        "CanardOrbits", "Choice", "Comparison", "CompositeSolution", "CriticalCurve", "CriticalSheet",
-        "Ensemble", "FailureMap", "FoldCurve", "FoldPassage", "MethodTable", "MixedMode", "SingularOrbit",
-        "OrbitFamily", "PeriodicOrbit", "SampledManifold", "Simulation", "SlowPoints", "TimeScales", "Trajectory",
-        "WorkPrecision",
-    }  # fmt: skip
+def test_what_has_a_table_is_tabular() -> None:
+    assert {name for name in public("NOUNS") if tables.find(blank(getattr(gsp, name)))} == set(TABULAR)
 
 
 @pytest.mark.parametrize("name", thinned(TABULAR, 2))
@@ -183,16 +180,6 @@ def test_claims_have_a_table_of_their_own() -> None:
     for name, errors in found.claims.items():
         assert tuple(data.claim_error.sel(claim=name).values) == errors
     assert "claim_error" not in found.to_pandas()
-
-
-def test_a_failure_map_by_method() -> None:
-    found = noun("FailureMap")
-    data = found.to_xarray()
-    for name, claim in found.places.items():
-        np.testing.assert_array_equal(data.place_measure.sel(place_method=name).values, claim.measure)
-        np.testing.assert_array_equal(data.place_holds.sel(place_method=name).values, claim.holds)
-    frame = found.to_pandas()
-    assert frame.to_dict("records")[0] == pytest.approx(found.as_rows()[0], nan_ok=True)
 
 
 def test_an_orbit_and_its_family() -> None:

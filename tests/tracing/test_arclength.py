@@ -82,10 +82,10 @@ def test_the_predictor_is_of_second_order() -> None:
 
 
 def _start(curve: PointTracer):
-    from gsp.critical.continuation.arclength import Place
+    from gsp.critical.continuation.arclength import OrientedPoint
 
     u, t = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
-    return Place(u, t, curve.orientation(u, t))
+    return OrientedPoint(u, t, curve.orientation(u, t))
 
 
 class Line(Tracer[float]):

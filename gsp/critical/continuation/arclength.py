@@ -26,18 +26,8 @@ LARGEST_ANGLE = 0.3
 AIM_ANGLE = 0.12
 # A correction of so many scales leads nowhere.
 LOST = 1e3
-# A correction longer than this share of the step may have landed on another branch.
-LONGEST_CORRECTION = 0.3
-# The step fails below this share of the largest one.
-SMALLEST = 1e-8
-# A change of orientation within a step this short, as a share of the largest, is a branch point of higher order.
-UNRESOLVED = 1e-6
-# A variable without bounds takes its present size as scale when that is this many times the old one.
-OUTGROWN = 2.0
 # Points nearer than this, in scaled units, are one: a curve that comes so near its start is closed.
 SAME_PLACE = 1e-6
-# A variable this many times its first scale is on its way to infinity.
-FAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -83,7 +73,7 @@ class CurveTrace:
     crossings: dict[int, object] = field(default_factory=dict)
 
 
-class Place(NamedTuple):
+class OrientedPoint(NamedTuple):
     """A point of a curve, its unit tangent in scaled units, and the sign of det[F_u; tangent]."""
 
     u: np.ndarray
@@ -95,7 +85,7 @@ class Place(NamedTuple):
 Finder = Callable[[np.ndarray, np.ndarray, np.ndarray, bool], tuple[np.ndarray, object] | None]
 
 
-class PointTracer(arclength.Tracer[Place]):
+class PointTracer(arclength.Tracer[OrientedPoint]):
     """Continues one curve; holds its scales, bounds and counters.
 
     `find`, where it is set, decides about a change of orientation within a step; `refresh` exchanges what F keeps
@@ -119,8 +109,9 @@ class PointTracer(arclength.Tracer[Place]):
         self.names = names
         self.controls = controls
         self.most = controls.max_points
+        # The step fails below this share of the largest one.
         self.pace = Pace(
-            controls.step, controls.max_step, SMALLEST * controls.max_step, AIM, AIM_ANGLE, LARGEST_ANGLE
+            controls.step, controls.max_step, 1e-8 * controls.max_step, AIM, AIM_ANGLE, LARGEST_ANGLE
         )
         self.refresh = refresh
         self.find: Finder | None = None
@@ -222,7 +213,7 @@ class PointTracer(arclength.Tracer[Place]):
             trace.ending, trace.bound = Status.BOUND_REACHED, self.names[outside]
             return trace
         sign = 0 if at_crossing else self.orientation(start, tangent)
-        followed = arclength.Trace([Place(start, tangent, sign)])
+        followed = arclength.Trace([OrientedPoint(start, tangent, sign)])
         try:
             self.follow(followed, progress=self.progress)
         except KeyboardInterrupt:
@@ -236,7 +227,7 @@ class PointTracer(arclength.Tracer[Place]):
         """Non-finite where the last point tried was."""
         return Status.NON_FINITE if self._saw_non_finite else Status.STEP_TOO_SMALL
 
-    def predicted(self, here: Place, length: float) -> tuple[np.ndarray, np.ndarray]:
+    def predicted(self, here: OrientedPoint, length: float) -> tuple[np.ndarray, np.ndarray]:
         """The point along the tangent, and the tangent."""
         self._saw_non_finite = False
         return here.u + length * self.scales * here.tangent, here.tangent
@@ -244,25 +235,30 @@ class PointTracer(arclength.Tracer[Place]):
     def corrected(self, guess: tuple[np.ndarray, np.ndarray], length: float) -> tuple[np.ndarray, int] | None:
         """The point across the tangent, unless it is so far from the guess that it may be on another branch."""
         found = self.correct(*guess)
-        if found is None or np.linalg.norm((found[0] - guess[0]) / self.scales) > LONGEST_CORRECTION * length:
+        # A correction longer than this share of the step may have landed on another branch.
+        if found is None or np.linalg.norm((found[0] - guess[0]) / self.scales) > 0.3 * length:
             return None
         return found
 
     def oriented(
-        self, here: Place, guess: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, int]
-    ) -> Stride[Place]:
+        self, here: OrientedPoint, guess: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, int]
+    ) -> Stride[OrientedPoint]:
         """The point with its tangent; its sign is found on arrival."""
         along = self.tangent(found[0], here.tangent)
         turn = float(np.arccos(np.clip(along @ here.tangent, -1.0, 1.0)))
-        return Stride(Place(found[0], along, 0), found[1], turn)
+        return Stride(OrientedPoint(found[0], along, 0), found[1], turn)
 
     def arrived(
-        self, _: arclength.Trace[Place], here: Place, stride: Stride[Place], length: float
-    ) -> Arrival[Place] | None:
+        self,
+        _: arclength.Trace[OrientedPoint],
+        here: OrientedPoint,
+        stride: Stride[OrientedPoint],
+        length: float,
+    ) -> Arrival[OrientedPoint] | None:
         """The point, or the bound before it, with the branch point on the way; where the curve closes its start."""
         trace, (u, t, sign) = self._trace, here
         reached, along, place = stride.node
-        nodes: list[tuple[Place, float]] = []
+        nodes: list[tuple[OrientedPoint, float]] = []
         stop = self._bound_between(u, reached)
         if stop is not None:
             reached, place = stop
@@ -273,7 +269,9 @@ class PointTracer(arclength.Tracer[Place]):
             along = self.tangent(reached, t)
         now = self.orientation(reached, along)
         if sign * now < 0 and self.find is not None:
-            crossing = self.find(u, reached, t, length < UNRESOLVED * self.controls.max_step)
+            # A change of orientation within a step this short, as a share of the largest, is a branch point of
+            # higher order.
+            crossing = self.find(u, reached, t, length < 1e-6 * self.controls.max_step)
             if crossing is None:
                 return None
             if self._at_crossing and self._is_start(trace, crossing[0], t):
@@ -287,27 +285,29 @@ class PointTracer(arclength.Tracer[Place]):
         if stop is not None:
             trace.bound = self.names[place]
             return Arrival(nodes, Status.BOUND_REACHED)
-        if np.abs(reached / self._first_scales).max() > FAR:
+        # A variable this many times its first scale is on its way to infinity.
+        if np.abs(reached / self._first_scales).max() > 1e6:
             return Arrival(nodes, Status.RUNS_AWAY)
         sign = now or sign
         along = self._rescaled(reached, along)
         if self.refresh is not None:
             self.equations = self.refresh(self.equations, reached)
             sign = self.orientation(reached, along)
-        return Arrival(nodes, onward=Place(reached, along, sign))
+        return Arrival(nodes, onward=OrientedPoint(reached, along, sign))
 
-    def _closed(self, nodes: list[tuple[Place, float]]) -> Arrival[Place]:
+    def _closed(self, nodes: list[tuple[OrientedPoint, float]]) -> Arrival[OrientedPoint]:
         trace = self._trace
         return Arrival([*nodes, (self._append(trace, trace.points[0], trace.tangents[0]), 0.0)], Status.CLOSED)
 
-    def _append(self, trace: CurveTrace, u: np.ndarray, t: np.ndarray) -> Place:
+    def _append(self, trace: CurveTrace, u: np.ndarray, t: np.ndarray) -> OrientedPoint:
         trace.points.append(u)
         trace.tangents.append(t)
         trace.scales.append(self.scales.copy())
-        return Place(u, t, 0)
+        return OrientedPoint(u, t, 0)
 
     def _rescaled(self, u: np.ndarray, t: np.ndarray) -> np.ndarray:
-        grown = ~self._bounded & (np.abs(u) > OUTGROWN * self.scales)
+        # A variable without bounds takes its present size as scale when that is twice the old one.
+        grown = ~self._bounded & (np.abs(u) > 2.0 * self.scales)
         if not grown.any():
             return t
         raw = t * self.scales

@@ -27,9 +27,6 @@ REMEDIES = {
     Status.INTERRUPTED: "what was computed before is kept; continue from the last point",
 }
 
-# A stop is said to be close to a special point within this distance, in scaled units.
-CLOSE = 0.05
-
 
 @dataclass(frozen=True)
 class ContinuationStats:
@@ -268,7 +265,8 @@ def say(
             if np.isfinite(values).all():
                 text += f", fast eigenvalue {values[np.argmin(np.abs(values))].real:.2g}"
             distances = [np.linalg.norm((p.unknowns - u) / scales) for p in special]
-            if distances and min(distances) < CLOSE:
+            # A stop is said to be close to a special point within this distance, in scaled units.
+            if distances and min(distances) < 0.05:
                 close = special[int(np.argmin(distances))]
                 first = problem.unknowns[0].name
                 text += f"; close to the {close.kind} at {first} = {close[first]:.6g}"

@@ -13,7 +13,7 @@ from gsp.critical.continuation.critical_curve import NamedPoints, Options
 from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside
 from gsp.critical.continuation.fold_curve import FoldCurve, fold_curve, two_free
 from gsp.critical.continuation.simplices import Grid, Mesh, march
-from gsp.critical.continuation.special_points import ZERO_EIGENVALUE
+from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, fold_vectors
 from gsp.critical.layer_problem import (
     Bounds,
     LayerProblem,
@@ -24,7 +24,6 @@ from gsp.critical.layer_problem import (
     natural_scales,
 )
 from gsp.critical.minimally_augmented import identity, singular_near
-from gsp.critical.normal_forms import null_vectors
 from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
@@ -36,12 +35,6 @@ from gsp.systems.system import SlowFastSystem
 # d! simplices to a cube: 720 for four fast variables, 5040 for five.
 MOST_FAST = 4
 POLISHING = 12
-# A vertex may leave its face by this share of the face; beyond, it is corrected by steps of least norm.
-LEAVES = 0.5
-# Curves of folds on one sheet that are followed at most.
-MOST_FOLDS = 16
-# Sheets cross where the rows of g_u are dependent, up to this share of what they change by over one cube.
-DEPENDENT = 1e-5
 
 
 @dataclass(frozen=True)
@@ -60,7 +53,8 @@ class CriticalSheet(NamedPoints, Drawn, Tabular):
     `points` (m, n) have the columns `names`, and `sheet["x"]` is one of them; `triangles` (k, 3) are rows of it,
     all oriented alike. `eigenvalues` (m, n_fast) are those of g_y, `unstable` (m,) counts those to the right of the
     axis. Triangles end at the folds, whose vertices are `on_fold` (m,), so that `triangle_unstable` (k,) is one
-    number inside each. `folds` are the curves of folds on the sheet. `residual` is the largest |g| at a vertex.
+    number inside each. `folds` are the curves of folds on the sheet. `residual` is the largest |g| at a vertex by what
+    a cube's sides make of it: how many cubes the vertices are off M0.
     """
 
     what = "sheet"
@@ -143,12 +137,27 @@ def critical_sheet(
     scales = natural_scales(problem, guess, box)
     u = corrected_start(problem, guess, scales, tolerance)
     check_inside(problem, u, box, "the point of M0 next to start")
+    box = _off_poles(problem, u, box)
     grid = _grid(problem, u, box, scales, resolution)
     with np.errstate(all="ignore"):
         mesh = march(problem.residual, grid, u, n=problem.size, most=max_points, progress=progress)
         return _finished(
             problem, _Builder(problem, grid, mesh, scales, box_of(problem, box)), Options(box, controls)
         )
+
+
+def _off_poles(problem: LayerProblem, u: np.ndarray, box: Mapping[str, Interval]) -> dict[str, Interval]:
+    """The box with edges on which g is not finite moved in by rounding, as by luck some of them are already."""
+    moved = {}
+    for i, symbol in enumerate(problem.unknowns):
+        if symbol.name in box:
+            low, high = box[symbol.name]
+            at_ends = np.stack([u, u])
+            at_ends[:, i] = low, high
+            finite = np.isfinite(problem.residual(at_ends)).all(axis=1)
+            rounding = np.where(finite, 0.0, np.finfo(float).eps * (abs(low) + abs(high)))
+            moved[symbol.name] = (float(low + rounding[0]), float(high - rounding[1]))
+    return moved
 
 
 def _grid(
@@ -177,10 +186,14 @@ class _Builder:
         # Coordinates in which a vertex must not move: those of a bound that its whole face lies on.
         ends = (mesh.nodes == 0) | (mesh.nodes == grid.counts)
         self.held = ends.all(axis=1) & (grid.counts >= 0) & (mesh.nodes == mesh.nodes[:, :1]).all(axis=1)
+        # Vertices that no correction brings onto M0: g changes its sign across a pole too.
+        self.lost = np.zeros(len(mesh.nodes), dtype=bool)
         self.u = self._polished()
         self.triangles = mesh.triangles
         self.singular = np.zeros(len(self.u), dtype=bool)
         self._split()
+        if self.lost.any():
+            self._drop_lost()
         self._orient()
 
     def _polished(self) -> np.ndarray:
@@ -203,20 +216,23 @@ class _Builder:
             length = np.where(good, np.abs(step).max(axis=1), np.inf)
             if length.max(initial=0.0) < 1e-15:
                 break
-        far = np.abs(u - first) > LEAVES * np.abs(edges).max(axis=1) + LEAVES * LEAVES * self.grid.size
+        # A vertex may leave its face by half of the face; beyond, it is corrected by steps of least norm.
+        far = np.abs(u - first) > 0.5 * np.abs(edges).max(axis=1) + 0.25 * self.grid.size
         beyond = np.abs(self._confined(u) - u) > 1e-9 * self.grid.size
         u = np.where(self.held, exact, np.where(beyond, u, self._confined(u)))
         bad = ~(length < 1e-9) | (far | beyond).any(axis=1)
         for i in np.flatnonzero(bad):
-            u[i] = self._repaired(first[i], self.held[i])
+            found = self._repaired(first[i], self.held[i])
+            self.lost[i] = found is None
+            u[i] = first[i] if found is None else found
         return u
 
     def _confined(self, u: np.ndarray) -> np.ndarray:
         """Points (..., d) moved onto the bounds that they are beyond."""
         return np.clip(u, self.bounds[:, 0], self.bounds[:, 1])
 
-    def _repaired(self, u: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """The point of M0 next to u by steps of least norm, along the bounds that these lead beyond."""
+    def _repaired(self, u: np.ndarray, held: np.ndarray) -> np.ndarray | None:
+        """The point of M0 next to u, if any, by steps of least norm, along the bounds that these lead beyond."""
         self.repaired += 1
         for _ in range(len(u)):
             found = least_norm_newton(self.problem, u, np.where(held, 0.0, self.grid.size), 1e-12)
@@ -226,7 +242,13 @@ class _Builder:
             if (inside == found).all():
                 return found
             held, u = held | (inside != found), inside
-        return u
+        return None
+
+    def _drop_lost(self) -> None:
+        kept = self.triangles[~self.lost[self.triangles].any(axis=1)]
+        used, places = np.unique(kept, return_inverse=True)
+        self.triangles = places.reshape(kept.shape)
+        self.u, self.held, self.singular = self.u[used], self.held[used], self.singular[used]
 
     def _determinants(self) -> np.ndarray:
         return np.linalg.det(self.problem.fast_jacobians(self.u))
@@ -239,18 +261,21 @@ class _Builder:
         edges = np.unique(edges[sign[edges[:, 0]] != sign[edges[:, 1]]], axis=0)
         if len(edges) == 0:
             return
-        fresh, held, true = [], [], []
+        fresh, held, true, lost = [], [], [], []
         for a, b in edges:
             share = value[a] / (value[a] - value[b])
             fixed = self.held[a] & self.held[b] & (self.u[a] == self.u[b])
             between = self.u[a] + share * (self.u[b] - self.u[a])
             found = self._fold_between(between, fixed)
-            fresh.append(self._repaired(between, fixed) if found is None else found)
+            point = self._repaired(between, fixed) if found is None else found
+            fresh.append(between if point is None else point)
+            lost.append(point is None)
             held.append(fixed)
             true.append(found is not None)
         place = {(int(a), int(b)): len(self.u) + i for i, (a, b) in enumerate(edges)}
         self.u, self.held = np.vstack([self.u, fresh]), np.vstack([self.held, held])
         self.singular = np.concatenate([self.singular, true])
+        self.lost = np.concatenate([self.lost, lost])
         mixed = sign[self.triangles].sum(axis=1) % 3 != 0
         pieces = []
         for triangle in self.triangles[mixed].tolist():
@@ -263,7 +288,7 @@ class _Builder:
     def _fold_between(self, u: np.ndarray, fixed: np.ndarray) -> np.ndarray | None:
         """The fold next to u, within the bounds and two cubes; None when there is none."""
         try:
-            system = singular_near(self.problem, identity, u)
+            system = singular_near(self.problem, identity, u, self.scales)
         except np.linalg.LinAlgError:
             return None
         found = least_norm_newton(system, u, np.where(fixed, 0.0, self.grid.size), 1e-12)
@@ -294,7 +319,7 @@ def _finished(problem: LayerProblem, built: _Builder, options: Options) -> Criti
     on_fold = built.singular & ~crossing
     folds = _folds(problem, built, on_fold, options)
     status = Status.COMPLETE if mesh.complete else Status.TOO_MANY_POINTS
-    if mesh.skipped:
+    if mesh.skipped or built.lost.any():
         status = Status.NON_FINITE
     message = f"{len(u)} points and {len(built.triangles)} triangles: {status}"
     if crossing.any():
@@ -309,18 +334,25 @@ def _finished(problem: LayerProblem, built: _Builder, options: Options) -> Criti
         on_fold=frozen(on_fold),
         on_crossing=frozen(crossing),
         folds=folds,
-        residual=float(np.abs(problem.residual(u)).max(initial=0.0)),
+        residual=_residual(problem, u, built.grid.size),
         status=status,
         message=message,
         stats=SheetStats(mesh.cells, mesh.skipped, built.repaired),
     )
 
 
+def _residual(problem: LayerProblem, u: np.ndarray, size: np.ndarray) -> float:
+    left = np.abs(problem.residual(u))
+    moved = np.abs(problem.jacobians(u)) @ size
+    return float(np.divide(left, moved, out=left, where=left > 0.0).max(initial=0.0))
+
+
 def _crosses(problem: LayerProblem, u: np.ndarray, size: np.ndarray) -> bool:
     """Whether the rows of g_u (n, N) are dependent at u, where g_y is singular: M0 is no manifold there."""
-    left = null_vectors(problem.jacobian(u)[:, len(problem.free) :])[1]
+    left = fold_vectors(problem, u, size[len(problem.free) :])[1]
     change = np.einsum("i,ijk->jk", left, problem.second(u)) * size[:, None] * size
-    return bool(np.abs(left @ problem.jacobian(u) * size).max() <= DEPENDENT * np.abs(change).max())
+    # Sheets cross where the rows of g_u are dependent, up to this share of what they change by over one cube.
+    return bool(np.abs(left @ problem.jacobian(u) * size).max() <= 1e-5 * np.abs(change).max())
 
 
 def _ranges(problem: LayerProblem, u: np.ndarray, size: np.ndarray) -> str:
@@ -340,7 +372,8 @@ def _folds(
     seeds = np.vstack([seeds[~held], seeds[held]])
     curves: list[FoldCurve] = []
     columns = [problem.names.index(s.name) for s in problem.unknowns]
-    while len(seeds) and len(curves) < MOST_FOLDS:
+    # Curves of folds on one sheet that are followed at most.
+    while len(seeds) and len(curves) < 16:
         curve = fold_curve(problem, seeds[0], options, built.scales)
         curves.append(curve)
         seeds = seeds[1:]

@@ -139,12 +139,12 @@ def fold_curve(
     """The curve of folds through the fold u (N,)."""
     with np.errstate(all="ignore"):
         tracer = PointTracer(
-            singular_near(problem, identity, u),
+            singular_near(problem, identity, u, scales),
             scales=scales,
             bounds=box_of(problem, options.bounds),
             names=tuple(s.name for s in problem.unknowns),
             controls=options.controls,
-            refresh=lambda _, u: singular_near(problem, identity, u),
+            refresh=lambda _, u: singular_near(problem, identity, u, scales),
             progress=progress,
         )
         tangent = tracer.null_vector(u)
@@ -154,8 +154,9 @@ def fold_curve(
             )
         tangent = oriented(tangent, 1e-6, direction)
         traces = traced(tracer, u, tangent, both=direction == 0, at_crossing=False)
-        located = _special(problem, tracer, joined(traces))
-        coefficient, skew = _tests(problem, located[0])
+        located = _special(problem, tracer, joined(traces), scales)
+        # Told in the states' own units, as everything is.
+        coefficient, skew = _tests(problem, located[0], scales, np.ones(len(scales)))
         eigenvalues = problem.eigenvalues(located[0])
     return curve_of(
         FoldCurve, problem, options, tracer, traces, located,
@@ -170,12 +171,12 @@ def _corrected_fold(
     for first in (guess, None):
         try:
             u = corrected_start(problem, guess, scales, tolerance) if first is None else first
-            found = least_norm_newton(singular_near(problem, identity, u), u, scales, tolerance)
+            found = least_norm_newton(singular_near(problem, identity, u, scales), u, scales, tolerance)
         except (np.linalg.LinAlgError, BranchError):
             continue
         if found is not None:
             # Once more with the best borders there are.
-            found = least_norm_newton(singular_near(problem, identity, found), found, scales, tolerance)
+            found = least_norm_newton(singular_near(problem, identity, found, scales), found, scales, tolerance)
         if found is not None:
             return found
     at = ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(guess).items())
@@ -187,34 +188,39 @@ def _corrected_fold(
     )
 
 
-def _oriented(problem: LayerProblem, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit null vectors (phi, psi), (m, n) each, continuous along the points."""
-    phi, psi = map(np.array, zip(*(fold_vectors(problem, u, np.ones(problem.size)) for u in points)))
+def _oriented(problem: LayerProblem, points: np.ndarray, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Null vectors (phi, psi), (m, n) each, of unit length in the fast variables' `scales` (n,), continuous in them."""
+    phi, psi = map(np.array, zip(*(fold_vectors(problem, u, scales) for u in points)))
+    phi, psi = phi / scales, psi * scales
     for vectors in (phi, psi):
         for i in range(1, len(vectors)):
             if vectors[i] @ vectors[i - 1] < 0.0:
                 vectors[i] = -vectors[i]
-    return phi, psi
+    return phi * scales, psi / scales
 
 
-def _tests(problem: LayerProblem, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The fold coefficient and the skewness (m,), with continuous null vectors."""
+def _tests(
+    problem: LayerProblem, points: np.ndarray, scales: np.ndarray, units: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The fold coefficient and the skewness (m,), with continuous null vectors of unit length in `units` (N,)."""
     k = len(problem.free)
-    phi, psi = _oriented(problem, points)
+    phi, psi = _oriented(problem, points, scales[k:])
+    phi = phi / np.linalg.norm(phi / units[k:], axis=1, keepdims=True)
+    psi = psi / np.linalg.norm(psi * units[k:], axis=1, keepdims=True)
     second = np.array([problem.second(u)[:, k:, k:] for u in points])
     return 0.5 * np.einsum("mi,mijk,mj,mk->m", psi, second, phi, phi), np.einsum("mi,mi->m", psi, phi)
 
 
 def _special(
-    problem: LayerProblem, tracer: PointTracer, trace: CurveTrace
+    problem: LayerProblem, tracer: PointTracer, trace: CurveTrace, units: np.ndarray
 ) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
     """The trace's points with cusps and Bogdanov-Takens points among them, these, and the arclength."""
     points, scales = np.array(trace.points), np.array(trace.scales)
     found: list[tuple[float, SpecialPoint]] = []
-    for kind, values in zip((LossKind.CUSP, LossKind.BOGDANOV_TAKENS), _tests(problem, points)):
+    for kind, values in zip((LossKind.CUSP, LossKind.BOGDANOV_TAKENS), _tests(problem, points, units, units)):
         for a, b in sign_changes(values):
             tracer.scales = scales[a]
-            tracer.equations = singular_near(problem, identity, points[b])
+            tracer.equations = singular_near(problem, identity, points[b], units)
             tracer.counters.located += 1
             test = _bordered_test(tracer.equations, kind)
             u = points[a] if a == b else tracer.root(points[a], points[b], test)

@@ -28,8 +28,6 @@ from gsp.critical.minimally_augmented import bialternate, identity, singular_nea
 
 # A test function below this is zero by rounding and has no sign.
 NO_SIGN = 1e-11
-# A zero is looked for where the cubic between two rows goes below this share of the lesser of them.
-TURNING = 0.5
 # The cubic's basis (value, slope, value, slope) at points between the rows.
 _S = np.linspace(0.0, 1.0, 17)[1:-1]
 HERMITE = np.stack(
@@ -74,7 +72,8 @@ def touches(values: np.ndarray, slopes: np.ndarray, lengths: np.ndarray) -> Iter
         if not start * end > 0.0 or min(abs(start), abs(end)) <= NO_SIGN:
             continue
         cubic = HERMITE @ np.array([start, lengths[i] * slopes[i], end, lengths[i] * slopes[i + 1]])
-        if (np.sign(start) * cubic).min() < TURNING * min(abs(start), abs(end)):
+        # A zero is looked for where the cubic between two rows goes below half of the lesser of them.
+        if (np.sign(start) * cubic).min() < 0.5 * min(abs(start), abs(end)):
             yield i, i + 1
 
 
@@ -188,7 +187,7 @@ class _SpecialPointSearch:
                 self.found.append((place, branch_point(self.problem, u, CurveCrossing(0.0, NONE))))
             return
         try:
-            system = singular_near(self.problem, identity, u)
+            system = singular_near(self.problem, identity, u, self.scales[a])
         except np.linalg.LinAlgError:
             return
         low, high = self.points[a], self.points[b]

@@ -15,8 +15,6 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-# Numbers in the largest array of one batch.
-BATCH = 2_000_000
 # The surface is shifted by this share of |F|, differently in each component, off nodes that it passes exactly.
 SHIFT = 1e-9
 # Cubes at one end of an axis are longer than those at the other by twice this share; no pedigree.
@@ -132,7 +130,8 @@ def march(
     frontier = grid.cell(start) + around
     frontier = frontier[grid.inside(frontier)]
     seen = set(map(tuple, frontier.tolist()))
-    batch = max(1, BATCH // (len(table.faces) * (n + 1) * n))
+    # Numbers in the largest array of one batch.
+    batch = max(1, 2_000_000 // (len(table.faces) * (n + 1) * n))
     cells, crossed, weights, skipped, complete = [], [], [], 0, True
     total = 0
     while len(frontier):
@@ -171,7 +170,10 @@ def _crossings(
     values = function(points.reshape(-1, points.shape[-1])).reshape(*points.shape[:2], n)
     finite = np.isfinite(values).all(axis=(1, 2))
     values = np.where(finite[:, None, None], values, 1.0)
-    size = np.abs(values).max(axis=(0, 1), initial=0.0)
+    # As a rule: beside a pole the largest would shift the surface by more than a cube.
+    sizes = np.abs(values[finite]).reshape(-1, n) if finite.any() else np.ones((1, n))
+    usual = np.median(sizes, axis=0)
+    size = np.where(usual > 0.0, usual, sizes.max(axis=0))
     values = values - SHIFT * size * np.sqrt(np.arange(2, n + 2))
     on_faces = values[:, table.faces, :]
     # Cramer's rule for sum w = 1, sum w F = 0.

@@ -16,19 +16,16 @@ from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.minimally_augmented import MatrixMap, Singular, singular_near
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
+from gsp.critical.saturation import saturates
 from gsp.results.card import Card
 from gsp.systems.region import Interval
 
 # An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
 ZERO_EIGENVALUE = 1e-6
-# A fold coefficient is zero below this, relative to the largest second derivative on the curve, in scaled units.
-ZERO_COEFFICIENT = 1e-6
 # A tangent counts as vertical when its free component is below this, in scaled units.
 VERTICAL = 1e-6
 # g_u near a place and so many steps before it: where it grows to that many times its size the field has a pole.
 FURTHER, POLE = 100.0, 10.0
-# A branch point is on the curve when g misses zero there by at most this, in rows of unit slope.
-ON_CURVE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +108,7 @@ def pair_test(eigenvalues: np.ndarray) -> np.ndarray:
 def polished(tracer: PointTracer, problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> np.ndarray:
     """The point next to u where `of`(g_y) is singular, by Newton's method; u itself when that leads away."""
     try:
-        system = singular_near(problem, of, u)
+        system = singular_near(problem, of, u, tracer.scales)
     except np.linalg.LinAlgError:
         return u
     found = least_norm_newton(system, u, tracer.scales, 1e-13)
@@ -138,7 +135,9 @@ def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curv
     k, n = len(problem.free), problem.size
     phi, psi = fold_vectors(problem, u, scales[k:])
     g_yy = problem.second(u)[:, k:, k:]
-    is_flat = abs(quadratic_coefficient(g_yy, phi, psi)) <= ZERO_COEFFICIENT * curvature
+    # A fold coefficient is zero below this, relative to the largest second derivative on the curve, in scaled
+    # units.
+    is_flat = abs(quadratic_coefficient(g_yy, phi, psi)) <= 1e-6 * curvature
     length = float(np.linalg.norm(phi))
     phi, psi = phi / length, psi * length
     values = np.sort(np.abs(problem.eigenvalues(u[None, :])[0]))
@@ -152,7 +151,8 @@ def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curv
     a = quadratic_coefficient(g_yy, phi, psi)
     b = float(psi @ problem.jacobian(u)[:, 0])
     coefficients = {"a": a, "b": b}
-    kind = LossKind.FOLD
+    onset = saturates(problem, u, k + int(np.abs(phi).argmax()))
+    kind = LossKind.SLIP_ONSET if onset else LossKind.FOLD
     if is_flat:
         kind = LossKind.CUSP
         g_y = problem.jacobian(u)[:, k:]
@@ -267,8 +267,10 @@ class BranchPoints:
     def _moore(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         problem, scales, n = self.problem, self.tracer.scales, self.problem.size
         slope = problem.jacobian(u) * scales
-        size = np.linalg.norm(slope, axis=1)
-        size = np.where(size > 1e-3 * size.max(), size, 1e-3 * size.max() or 1.0)
+        # Rates in units of each equation's own variable can be compared, as rates in its numbers cannot.
+        unit = scales[-n:]
+        size = np.linalg.norm(slope, axis=1) / unit
+        size = unit * np.where(size > 1e-3 * size.max(), size, 1e-3 * size.max() or 1.0)
         w = np.linalg.svd(slope / size[:, None])[0][:, -1]
         N, alpha = len(u), 0.0
         for _ in range(25):
@@ -291,7 +293,9 @@ class BranchPoints:
                 return None
             u, alpha, w = u - scales * step[:N], alpha - step[N], w - step[N + 1 :]
             if length < 1e-11:
-                return (u, w, size) if abs(alpha) < ON_CURVE else None
+                # A branch point is on the curve when g misses zero there by at most this, in rows of unit
+                # slope.
+                return (u, w, size) if abs(alpha) < 1e-11 else None
         return None
 
     def _directions(
@@ -311,8 +315,9 @@ class BranchPoints:
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         own = int(np.argmax(np.abs(directions @ tangent)))
         first, second = directions[own], directions[1 - own]
-        left, _, right = np.linalg.svd(problem.jacobian(u))
-        raw = np.einsum("i,ijk,aj,bk->ab", left[:, -1], problem.second(u), right[-2:], right[-2:])
+        # The same null vectors in raw units, of length one.
+        left, right = w / size, np.linalg.qr((kernel * scales).T)[0].T
+        raw = np.einsum("i,ijk,aj,bk->ab", left / np.linalg.norm(left), problem.second(u), right, right)
         discriminant = float(raw[0, 1] ** 2 - raw[0, 0] * raw[1, 1])
         return CurveCrossing(discriminant, np.array([first * np.sign(first @ tangent), second]))
 

@@ -1,6 +1,8 @@
 // What is on the page beside its pictures: sliders, switches, and the start, which is dragged.
 
 const sliders = [];
+// More parameters than this are not all open.
+const SLIDERS = 6;
 
 function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
@@ -13,8 +15,14 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-// A slider with its number beside it; the number may be typed, beyond the slider's ends and to all digits.
-function addSlider(id, label, { low, high, log = false, read, write, moved = changed }) {
+// A name as it was set when the page was made.
+function typeset(name) {
+  return element("span", { class: "name", innerHTML: data.typeset[name] });
+}
+
+// A slider with its number beside it; the number may be typed, beyond the slider's ends and to all digits. `shown` is the label
+// as it is set, `label` as it is read aloud.
+function addSlider(id, label, { shown = [label], low, high, log = false, read, write, moved = changed }) {
   const toSlider = (value) => (log ? Math.log10(value) : value);
   const range = element("input", { type: "range", id, min: toSlider(low), max: toSlider(high), step: "any" });
   range.setAttribute("aria-label", label);
@@ -30,7 +38,7 @@ function addSlider(id, label, { low, high, log = false, read, write, moved = cha
     if (Number.isFinite(value) && (!log || value > 0)) write(value);
     moved();
   });
-  byId("sliders").append(element("div", { class: `slider ${id}` }, element("label", { htmlFor: id }, label), range, number));
+  byId("sliders").append(element("div", { class: `slider ${id}` }, element("label", { htmlFor: id }, ...shown), range, number));
   sliders.push(() => {
     const value = read();
     if (document.activeElement !== range || Math.abs(Number(range.value) - toSlider(value)) > 1e-3) {
@@ -40,9 +48,14 @@ function addSlider(id, label, { low, high, log = false, read, write, moved = cha
   });
 }
 
+function unitOf(name) {
+  return name in data.units ? [` (${data.units[name]})`] : [];
+}
+
 function addControls() {
   if (model.epsilon !== null) {
-    addSlider("epsilon", `${model.epsilon}, the small parameter`, {
+    addSlider("epsilon", `${data.letters[model.epsilon]}, the small parameter`, {
+      shown: [typeset(model.epsilon), ", the small parameter"],
       low: Math.min(EPSILON_RANGE[0], data.epsilon), high: Math.max(EPSILON_RANGE[1], data.epsilon), log: true,
       read: () => state.epsilon, write: (value) => (state.epsilon = value),
     });
@@ -51,12 +64,13 @@ function addControls() {
     const value = model.values[i];
     // A parameter keeps its sign: many a model has no meaning where it is zero.
     const [low, high] = data.ranges[name] ?? (value === 0 ? [-2, 2] : [value / 2.5, 2.5 * value].sort((a, b) => a - b));
-    addSlider(`parameter-${i}`, name, {
-      low, high, read: () => state.parameters[i], write: (v) => (state.parameters[i] = v),
+    addSlider(`parameter-${i}`, data.letters[name], {
+      shown: [typeset(name), ...unitOf(name)], low, high, read: () => state.parameters[i], write: (v) => (state.parameters[i] = v),
     });
   });
   const length = data.span[1] - data.span[0];
   addSlider("length", "length of the run", {
+    shown: ["length of the run", ...unitOf("t")],
     low: length / SPAN_FACTOR, high: length * SPAN_FACTOR, log: true,
     read: () => state.end - data.span[0], write: (value) => (state.end = data.span[0] + value),
   });
@@ -81,6 +95,41 @@ function allowed() {
 
 // Those of claims are told by their places: a claim may have any name.
 const readouts = { claims: [] };
+
+// How far each parameter moves the run: the largest change of a quantity, relative to its largest value, for one percent.
+function sensitivities() {
+  const s = settingOf(state, data);
+  const places = model.quantities.map((_, j) => j);
+  const along = (setting) => {
+    const run = model.full(setting, { ...PICTURE, rtol: 1e-8, atol: 1e-10 });
+    const times = Array.from({ length: 41 }, (_, k) => s.span[0] + (k * (s.span[1] - s.span[0])) / 40);
+    return sampleAt(model, times, model.constants(setting), (t, z) => stateAt(run, t, z) !== null).q;
+  };
+  const base = along(s);
+  const largest = base.map((values) => Math.max(...values.filter(Number.isFinite).map(Math.abs)) || 1);
+  return s.parameters.map((value, i) => {
+    const parameters = s.parameters.slice();
+    parameters[i] = 1.01 * value || 0.01;
+    const moved = along({ ...s, parameters });
+    const changes = places.flatMap((j) => Array.from(moved[j], (v, k) => Math.abs(v - base[j][k]) / largest[j]));
+    return Math.max(0, ...changes.filter(Number.isFinite));
+  });
+}
+
+// The parameters that move the run most come first; of many the others are folded away.
+function sortParameters() {
+  if (model.parameters.length < 2) return;
+  const moved = sensitivities();
+  const order = moved.map((_, i) => i).sort((a, b) => moved[b] - moved[a]);
+  const rows = order.map((i) => byId(`parameter-${i}`).parentElement);
+  order.forEach((i, k) => (rows[k].title = `1 % more moves the run by ${Number((100 * moved[i]).toPrecision(2))} %`));
+  const before = byId("length").parentElement;
+  const open = rows.length > SLIDERS ? SLIDERS - 1 : rows.length;
+  rows.slice(0, open).forEach((row) => before.before(row));
+  if (open === rows.length) return;
+  const folded = element("details", { id: "more" }, element("summary", {}, `${rows.length - open} more parameters, which move the run less`), ...rows.slice(open));
+  before.after(folded);
+}
 
 function addOrders() {
   const box = byId("orders");
@@ -131,7 +180,7 @@ function toggleOrder(order) {
 function choice(id, label, names, read, write) {
   const select = element("select", { id });
   select.setAttribute("aria-label", label);
-  for (const name of names) select.append(element("option", { value: name }, name));
+  for (const name of names) select.append(element("option", { value: name }, data.letters[name]));
   select.addEventListener("change", () => {
     write(select.value);
     for (const view of Object.values(views)) view.xRange = view.yRange = null;
@@ -147,7 +196,7 @@ handle.setAttribute("aria-label", "The start: drag it, or use the arrow keys");
 
 function addViews() {
   const container = byId("views");
-  if (data.path) {
+  if (data.path || data.body) {
     views.path = new View(container, "The path in the plane");
     views.path.say(data.body ? `path of ${data.body.name}` : "path");
   }
@@ -165,7 +214,7 @@ function addViews() {
   views.plane.frame.append(handle);
   if (data.space) {
     views.space = new View(container, "The critical manifold in space");
-    views.space.say(`${data.space.join(", ")} in space: drag to turn`);
+    views.space.say(...data.space.flatMap((name, k) => (k ? [", ", typeset(name)] : [typeset(name)])), " in space: drag to turn");
     views.space.frame.classList.add("turned");
     addTurning(views.space.canvas);
   }
@@ -173,14 +222,26 @@ function addViews() {
   views.trace.say(
     choice("trace", "quantity against time", model.quantities, () => state.trace, (value) => (state.trace = value)), " against time",
   );
+  views.scales = new View(views.trace.figure, "Time scales against time");
+  views.scales.canvas.classList.add("strip");
   if (data.work) {
     views.work = new View(container, "Error against work");
     views.work.say("error against the operations of a run: ", element("output", { id: "chosen" }));
   }
   if (model.reducible && data.compared) {
-    views.errors = new View(container, `Error against ${model.epsilon}`);
-    views.errors.say(`largest relative error of the slow variables against ${model.epsilon}`);
+    views.errors = new View(container, `Error against ${data.letters[model.epsilon]}`);
+    views.errors.say("largest relative error of the slow variables against ", typeset(model.epsilon));
   }
+  for (const name of Object.keys(views)) addSaving(name);
+}
+
+// On a narrow page the sliders stand under the picture that they move, which stays in sight while they are scrolled.
+const narrow = window.matchMedia("(max-width: 900px)");
+
+function placeSliders() {
+  const picture = Object.values(views).find((view) => !view.figure.hidden) ?? views.plane;
+  if (narrow.matches) picture.figure.append(byId("sliders"));
+  else byId("controls").prepend(byId("sliders"));
 }
 
 function addTurning(canvas) {

@@ -28,7 +28,7 @@ function readout(read) {
   const slope = ladder.length >= 3 ? measuredPower(read) : NaN;
   const size = error.toExponential(1).replace("-", "−");
   if (!Number.isFinite(slope)) return size;
-  return [`${size} ∝ `, element("i", {}, model.epsilon), element("sup", {}, slope.toFixed(2).replace("-", "−"))];
+  return [`${size} ∝ `, element("i", {}, data.letters[model.epsilon]), element("sup", {}, slope.toFixed(2).replace("-", "−"))];
 }
 
 const ENDINGS = {
@@ -48,7 +48,7 @@ function notes() {
   const time = (t) => (quick ? `about ${Number(t.toPrecision(2))}` : Number(t.toPrecision(4)));
   const fullEnd = result.full.times[result.full.times.length - 1];
   if (result.full.status !== "reached") {
-    found.push(`The full run ends at t = ${time(fullEnd)}: ${ENDINGS[result.full.status]}.`);
+    found.push({ text: `The full run ends at t = ${time(fullEnd)}: ${ENDINGS[result.full.status]}.`, at: fullEnd });
   }
   if (!model.reducible) {
     found.push(`Only the full system is shown: ${model.reduction.reason}`);
@@ -66,7 +66,7 @@ function notes() {
     const gap = model.gapAt(model.toNew(Float64Array.from(state.start), p), p);
     found.push(
       gap > 0
-        ? "The run is not long enough near the slow manifold while that attracts, so there is nothing to compare. Take a smaller epsilon, a longer run or another start."
+        ? "The run is not long enough near the slow manifold while that attracts, so there is nothing to compare. Take a smaller ε, a longer run or another start."
         : "The start is where the fast dynamics does not attract, and the run does not settle on a slow manifold. Nothing is compared.",
     );
     return found;
@@ -75,12 +75,12 @@ function notes() {
   for (const run of first.runs) {
     if (run.status !== "reached") {
       const where = run.ended === undefined ? run.begun : run.ended;
-      found.push(`The reduced run of order ${run.order} ends at t = ${time(where)}: ${ENDINGS[run.status] ?? run.status}.`);
+      found.push({ text: `The reduced run of order ${run.order} ends at t = ${time(where)}: ${ENDINGS[run.status] ?? run.status}.`, at: where });
     }
   }
   for (const drawn of current.curves.reduced) {
     if (drawn.piece > 0 || drawn.isWhole || Number.isNaN(drawn.within)) continue;
-    found.push(`The reduced run of order ${drawn.order} is drawn until t = ${time(drawn.within)}: after that the terms of its series fall no more.`);
+    found.push({ text: `The reduced run of order ${drawn.order} is drawn until t = ${time(drawn.within)}: after that the terms of its series fall no more.`, at: drawn.within });
   }
   if (result.cut && result.pieces.length > 1) {
     found.push(`Reduced runs are drawn on the first ${result.pieces.length} slow pieces of this run only: their steps were used up.`);
@@ -93,7 +93,7 @@ function notes() {
     const beyond = state.orders.filter((k) => k <= order && !reached[k]);
     if (beyond.length) {
       found.push(
-        `At this epsilon the series is beyond its reach: its terms fall no more after order ${best}, where it is best cut. Order ${beyond.join(", ")} is worse.`,
+        `At this ε the series is beyond its reach: its terms fall no more after order ${best}, where it is best cut. Order ${beyond.join(", ")} is worse.`,
       );
     }
   }
@@ -123,12 +123,26 @@ function tellChosen() {
   byId("chosen").textContent = text;
 }
 
+// A note that tells of a moment leads to it.
+function noteItem({ text, at }) {
+  if (at === undefined) return element("li", {}, text);
+  const button = element("button", { type: "button", title: "Show this moment in the pictures" }, text);
+  button.addEventListener("click", () => {
+    play(false);
+    now = at;
+    draw();
+    Object.values(views).find((view) => !view.figure.hidden).figure.scrollIntoView({ block: "nearest" });
+  });
+  return element("li", {}, button);
+}
+
 function tell() {
-  const lines = notes();
+  const lines = notes().map((note) => (typeof note === "string" ? { text: note } : note));
   const list = byId("notes");
-  if (lines.join("\n") !== list.dataset.lines) {
-    list.dataset.lines = lines.join("\n");
-    list.replaceChildren(...lines.map((line) => element("li", {}, line)));
+  const told = lines.map(({ text }) => text).join("\n");
+  if (told !== list.dataset.lines) {
+    list.dataset.lines = told;
+    list.replaceChildren(...lines.map(noteItem));
   }
   const steps = current.result.full.times.length - 1;
   readouts.full.textContent = `${steps} steps at ${current.rtol.toExponential()}`;

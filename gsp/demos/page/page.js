@@ -40,7 +40,7 @@ function colours() {
   const of = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
     ink: of("ink"), paper: of("paper"), faint: of("faint"), line: of("line"), manifold: of("manifold"),
-    orders: [0, 1, 2, 3].map((k) => of(`order${k}`)), rivals: [of("rival"), of("accent")],
+    orders: [0, 1, 2, 3].map((k) => of(`order${k}`)), rivals: [of("rival"), of("rival1")], accent: of("accent"),
   };
 }
 
@@ -62,7 +62,7 @@ function update() {
   work = [];
   const begun = performance.now();
   const s = settingOf(state, data);
-  const result = model.simulate(s, state.orders);
+  const result = model.simulate(s, state.orders, { ...PICTURE, rivals: state.rivals });
   show(s, result, PICTURE);
   for (const set of sliders) set();
   tell();
@@ -73,9 +73,8 @@ function update() {
 }
 
 function show(s, result, { rtol }) {
-  const shown = state.rivals ? result : { ...result, rivals: [] };
   const stepped = s.fixed > 0 ? model.fixed(s) : null;
-  current = { s, rtol, result: shown, stepped, curves: sampleAll(model, shown, s, stepped) };
+  current = { s, rtol, result, stepped, curves: sampleAll(model, result, s, stepped), scales: timeScalesOf(model, result.full, s) };
 }
 
 function draw() {
@@ -84,17 +83,22 @@ function draw() {
   const place = (name) => model.quantities.indexOf(name);
   views.plane.startAt = startOnAxes();
   const [i, j] = state.axes.map(place);
-  const marks = data.story[state.step]?.marks ?? [];
-  drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, data, marks);
-  handle.hidden = dragging() === null;
-  handle.style.left = `${views.plane.X(views.plane.startAt[0])}px`;
-  handle.style.top = `${views.plane.Y(views.plane.startAt[1])}px`;
-  drawTrace(views.trace, model, s, curves, place(state.trace), now, c, data);
-  if (views.path) drawPath(views.path, model, curves, data.path.map(place), data.body, now, c);
-  if (views.space) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data, now, c);
-  if (views.work) drawWork(views.work, work, state.tolerance, c, state.orders);
-  if (views.errors) drawErrors(views.errors, model.epsilon, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);
-  document.querySelectorAll("[data-rival]").forEach((mark) => (mark.style.background = c.rivals[Number(mark.dataset.rival)]));
+  const seen = (name) => views[name] && !views[name].figure.hidden;
+  handle.hidden = dragging() === null || !seen("plane");
+  if (seen("plane")) {
+    drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, data, data.story[state.step] ?? {});
+    handle.style.left = `${views.plane.X(views.plane.startAt[0])}px`;
+    handle.style.top = `${views.plane.Y(views.plane.startAt[1])}px`;
+  }
+  if (seen("trace")) {
+    drawTrace(views.trace, model, s, curves, place(state.trace), now, c, data);
+    if (seen("scales")) drawScales(views.scales, current.scales, views.trace.box, now, c);
+  }
+  if (seen("path")) drawPath(views.path, model, s, curves, data, now, c);
+  if (seen("space")) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data, now, c);
+  if (seen("work")) drawWork(views.work, work, state.tolerance, c, state.orders);
+  if (seen("errors")) drawErrors(views.errors, model, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);
+  document.querySelectorAll("[data-rival]").forEach((mark) => (mark.style.background = c.rivals[Number(mark.dataset.rival) % 2]));
 }
 
 // One more epsilon of the ladder, and again until it is whole. Runs of all orders, so that switching one on shows it.
@@ -108,7 +112,7 @@ function measure() {
   const epsilon = state.epsilon * LADDER[ladder.length];
   const s = { ...settingOf(state, data), epsilon };
   const first = ladder.length === 0;
-  const accuracy = first ? MEASUREMENT : { ...MEASUREMENT, pieces: 1 };
+  const accuracy = { ...MEASUREMENT, rivals: state.rivals, ...(first ? {} : { pieces: 1 }) };
   const result = first || epsilon <= EPSILON_RANGE[1] ? model.simulate(s, state.orders, accuracy) : null;
   // The finer run replaces the one that was quick to make: near a canard they differ.
   if (first && result.full.status === "reached") show(s, result, MEASUREMENT);
@@ -137,6 +141,16 @@ function remember() {
   if (fragment !== location.hash && location.protocol !== "about:") history.replaceState(null, "", fragment);
 }
 
+// The address with the values and the step, to be copied; it is in the clipboard already where that is allowed.
+function share() {
+  remember();
+  const link = byId("link");
+  link.value = location.href;
+  link.hidden = false;
+  link.select();
+  navigator.clipboard?.writeText(link.value).catch(() => {});
+}
+
 // -- playing, and the story ------------------------------------------------------------------------
 
 function play(on) {
@@ -159,10 +173,10 @@ function advanceClock(moment) {
 }
 
 // A step of the story sets what it names, and leaves what it does not as the page began.
-function turnTo(step) {
+function stateOfStep(step) {
   const told = data.story[step];
   const fresh = initialState(data);
-  state = {
+  return {
     ...fresh, step,
     epsilon: told.epsilon ?? fresh.epsilon,
     end: told.end ?? fresh.end,
@@ -175,9 +189,14 @@ function turnTo(step) {
     parameters: model.parameters.map((name, i) => told.parameters?.[name] ?? fresh.parameters[i]),
     start: [...model.states, ...model.driven].map((name, i) => told.start?.[name] ?? fresh.start[i]),
   };
+}
+
+function turnTo(step) {
+  state = stateOfStep(step);
   for (const view of Object.values(views)) view.xRange = view.yRange = null;
   now = null;
-  play(Boolean(told.play));
+  // Who wants nothing to move presses Play.
+  play(Boolean(data.story[step].play) && !window.matchMedia("(prefers-reduced-motion: reduce)").matches);
   showStep();
   changed();
 }
@@ -185,11 +204,36 @@ function turnTo(step) {
 function showStep() {
   const count = data.story.length;
   byId("story").hidden = count === 0;
-  if (!count) return;
-  byId("tale").textContent = data.story[state.step].text;
+  if (!count) {
+    showParts({});
+    return;
+  }
+  byId("tale").innerHTML = data.story[state.step].text;
   byId("place").textContent = `${state.step + 1} of ${count}`;
   byId("previous").disabled = state.step === 0;
   byId("next").disabled = state.step === count - 1;
+  showParts(data.story[state.step]);
+}
+
+// A step shows the pictures that it names, all where it names none, and rings what it speaks of.
+function showParts({ views: named = [], highlight = [] }) {
+  const isNamed = (name) => named.length === 0 || named.includes(name);
+  for (const [name, view] of Object.entries(views)) view.figure.hidden = !isNamed(name) && !(name === "trace" && named.includes("scales"));
+  const parts = { start: handle, orders: byId("orders"), notes: byId("notes") };
+  for (const name of ["epsilon", "length"]) parts[name] = byId(name)?.parentElement;
+  for (const [name, view] of Object.entries(views)) parts[name] = view.figure;
+  model.parameters.forEach((name, i) => (parts[name] = byId(`parameter-${i}`).parentElement));
+  document.querySelectorAll(".lit").forEach((part) => part.classList.remove("lit"));
+  for (const name of highlight) {
+    parts[name]?.classList.add("lit");
+    if (parts[name]?.parentElement?.id === "more") byId("more").open = true;
+  }
+  placeSliders();
+  const shown = [...byId("views").children].filter((figure) => !figure.hidden);
+  shown.forEach((figure, k) => {
+    figure.classList.toggle("wide", k === 0 && shown.length % 2 === 1);
+    figure.classList.toggle("alone", shown.length === 1);
+  });
 }
 
 function turn(by) {
@@ -270,22 +314,32 @@ function begin() {
   byId("reset").addEventListener("click", reset);
   byId("theme").addEventListener("click", () => setTheme(theme === "dark" ? "light" : "dark"));
   byId("fullscreen").addEventListener("click", toggleFullscreen);
+  byId("share").hidden = location.protocol === "about:";
+  byId("share").addEventListener("click", share);
   byId("previous").addEventListener("click", () => turn(-1));
   byId("next").addEventListener("click", () => turn(1));
   document.addEventListener("keydown", onKey);
   window.addEventListener("resize", () => current && draw());
   window.addEventListener("hashchange", () => {
-    state = decodeState(location.hash, state, data);
+    const given = stepIn(location.hash, data);
+    state = decodeState(location.hash, given === null ? state : stateOfStep(given), data);
     showStep();
     changed();
   });
   darkness.addEventListener("change", (event) => setTheme(event.matches ? "dark" : "light"));
   setTheme(theme);
-  if (data.story.length) turnTo(0);
+  const given = stepIn(location.hash, data);
+  if (data.story.length) turnTo(given ?? 0);
+  if (given !== null && location.hash.includes("&")) play(false);
   state = decodeState(location.hash, state, data);
   showStep();
   update();
   timings.first = performance.now();
+  sortParameters();
+  narrow.addEventListener("change", () => {
+    placeSliders();
+    draw();
+  });
   if (window.parent !== window) {
     tellHeight();
     window.addEventListener("message", (event) => {

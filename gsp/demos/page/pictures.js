@@ -6,6 +6,11 @@ const NET = 22;
 const SAMPLES = 160;
 const HALVINGS = 53;
 
+// The largest relative error in the picture.
+const LOST = 10;
+// Rival runs are told apart by their dashes too.
+const RIVAL_DASHES = [[3, 4], [10, 5]];
+
 const bounded = (value, low, high) => Math.min(high, Math.max(low, value));
 
 // The range that the scene's author asks for, of quantity `name` in the first view of these names; undefined where none is.
@@ -20,7 +25,7 @@ function drawCurves(view, curves, i, j, colours) {
   for (const run of curves.reduced) {
     view.curve(across(run), run.q[j], colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
   }
-  curves.rivals.forEach((rival, k) => view.curve(across(rival), rival.q[j], colours.rivals[k], 1.6, [3, 4]));
+  curves.rivals.forEach((rival, k) => view.curve(across(rival), rival.q[j], colours.rivals[k % 2], 2.6, RIVAL_DASHES[k % 2]));
   if (curves.fixed) {
     const [x, y] = [across(curves.fixed), curves.fixed.q[j]];
     view.curve(x, y, colours.rivals[0], 1.4);
@@ -28,7 +33,36 @@ function drawCurves(view, curves, i, j, colours) {
   }
 }
 
-function drawPlane(view, model, s, curves, i, j, now, colours, orders, { frame, window: shown, views, folds }, marks) {
+// Arrows of the slow motion in the plane, all of one length.
+function drawFlow(view, flow, colours) {
+  const c = view.context;
+  const rate = new Float64Array(2);
+  const step = 34;
+  c.strokeStyle = colours.manifold;
+  c.fillStyle = colours.manifold;
+  c.lineWidth = 1.2;
+  for (let px = MARGIN.left + step / 2; px < view.width - MARGIN.right; px += step) {
+    for (let py = MARGIN.top + step / 2; py < view.height - MARGIN.bottom; py += step) {
+      const at = [view.atX(px), view.atY(py)];
+      if (!flow(at, rate)) continue;
+      const [dx, dy] = [view.X(at[0] + rate[0]) - px, view.Y(at[1] + rate[1]) - py];
+      const size = Math.hypot(dx, dy);
+      if (!(size > 1e-6)) continue;
+      const [ux, uy] = [dx / size, dy / size];
+      c.beginPath();
+      c.moveTo(px - 9 * ux, py - 9 * uy);
+      c.lineTo(px + 6 * ux, py + 6 * uy);
+      c.stroke();
+      c.beginPath();
+      c.moveTo(px + 10 * ux, py + 10 * uy);
+      c.lineTo(px + 4 * ux - 3 * uy, py + 4 * uy + 3 * ux);
+      c.lineTo(px + 4 * ux + 3 * uy, py + 4 * uy - 3 * ux);
+      c.fill();
+    }
+  }
+}
+
+function drawPlane(view, model, s, curves, i, j, now, colours, orders, { frame, window: shown, views, folds }, { marks = [], flow = false }) {
   view.begin(colours);
   const names = [model.quantities[i], model.quantities[j]];
   const framed = (place, start) => rangeOf(curves, place, [start, ...(frame[model.quantities[place]] ?? [])]);
@@ -38,6 +72,8 @@ function drawPlane(view, model, s, curves, i, j, now, colours, orders, { frame, 
   view.setRanges(ranged(i, view.startAt[0]), ranged(j, view.startAt[1]));
   view.axes(...names.map(model.labelled));
   view.clipped(() => {
+    const slow = flow ? model.flowIn([i, j], s) : null;
+    if (slow) drawFlow(view, slow, colours);
     drawFibres(view, model, i, j, colours);
     const known = model.atDeclared(s) ? folds.map((fold) => [fold[i], fold[j]]).filter((fold) => !fold.includes(null)) : [];
     view.folds = [...known, ...drawManifold(view, model, s, i, j, colours, orders)];
@@ -58,8 +94,8 @@ function drawPlane(view, model, s, curves, i, j, now, colours, orders, { frame, 
 // Upright lines with a name each, at values of the quantity across.
 function drawMarks(view, marks, colours) {
   for (const mark of marks) {
-    view.curve([mark.at, mark.at], [view.box[2], view.box[3]], colours.rivals[1], 1.5, [6, 4]);
-    view.word(mark.name, view.X(mark.at) - 8 - view.context.measureText(mark.name).width, MARGIN.top + 10, colours.rivals[1]);
+    view.curve([mark.at, mark.at], [view.box[2], view.box[3]], colours.accent, 1.5, [6, 4]);
+    view.word(mark.name, view.X(mark.at) - 8 - view.context.measureText(mark.name).width, MARGIN.top + 10, colours.accent);
   }
 }
 
@@ -191,73 +227,37 @@ function logarithms(curves, j) {
   return { full: of(curves.full), reduced: curves.reduced.map(of), rivals: curves.rivals.map(of), fixed: curves.fixed && of(curves.fixed) };
 }
 
-// Errors against epsilon, by its own name, both logarithmic, with the present epsilon marked.
-function drawErrors(view, name, ladder, epsilon, colours, orders, rivals) {
+// Errors against epsilon, both logarithmic, with the present epsilon marked.
+function drawErrors(view, model, ladder, epsilon, colours, orders, rivals) {
   view.begin(colours);
   const lines = orders.length + rivals.length;
   const points = ladder.filter((row) => row !== null).sort((a, b) => a.epsilon - b.epsilon);
   const all = points.flatMap((row) => [...orders.map((order) => row.orders[order]), ...rivals.map((name) => row.rivals[name])]);
-  const good = all.filter((e) => e > 0 && Number.isFinite(e)).map(Math.log10);
+  // What is below the floor is noise, and an error far above 1 says nothing but that the run is lost.
+  const isShown = (e) => e > FLOOR && Number.isFinite(e);
+  const good = all.filter(isShown).map((e) => Math.log10(Math.min(e, LOST)));
   const x = Math.log10(epsilon);
   view.setRanges([x - 1.1, x + 0.7], good.length ? [Math.min(...good) - 0.4, Math.max(...good) + 0.4] : [-8, 0], {
     steady: false,
   });
-  view.axes(name, "error", { xLog: true, yLog: true });
+  view.axes(model.labelled(model.epsilon), "error", { xLog: true, yLog: true });
   view.clipped(() => {
     view.curve([x, x], [view.box[2], view.box[3]], colours.faint, 1);
     const line = (read, colour, dash = []) => {
-      const known = points.filter((row) => read(row) > 0 && Number.isFinite(read(row)));
+      const known = points.filter((row) => isShown(read(row)));
       const xs = known.map((row) => Math.log10(row.epsilon));
       const ys = known.map((row) => Math.log10(read(row)));
       view.curve(xs, ys, colour, 2, dash);
       xs.forEach((value, k) => view.dot(value, ys[k], colour, 3.2));
     };
     for (const order of orders) line((row) => row.orders[order], colours.orders[order]);
-    rivals.forEach((name, k) => line((row) => row.rivals[name], colours.rivals[k], [3, 4]));
+    rivals.forEach((name, k) => line((row) => row.rivals[name], colours.rivals[k % 2], RIVAL_DASHES[k % 2]));
   });
-  if (lines === 0) {
-    view.context.textAlign = "center";
-    view.context.fillStyle = colours.faint;
-    view.context.fillText("Switch an order on to measure its error.", view.width / 2, view.height / 2);
-  }
-}
-
-// A path in the plane of two quantities, with a body where data tells how it looks.
-function drawPath(view, model, curves, places, body, now, colours) {
-  view.begin(colours);
-  const reach = body ? body.reach : 0;
-  const widened = (range) => [range[0] - reach, range[1] + reach];
-  const [i, j] = places;
-  view.setRanges(widened(extent([curves.full.q[i]])), widened(extent([curves.full.q[j]])), { equal: true });
-  view.axes(model.labelled(model.quantities[i]), model.labelled(model.quantities[j]));
-  view.clipped(() => {
-    drawCurves(view, curves, i, j, colours);
-    const t = now === null ? curves.full.t[curves.full.t.length - 1] : now;
-    const at = [valueAt(curves.full, i, t), valueAt(curves.full, j, t)];
-    if (!body) {
-      view.dot(...at, colours.ink);
-      return;
-    }
-    const angle = valueAt(curves.full, model.quantities.indexOf(body.angle), t);
-    const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
-    const c = view.context;
-    for (const part of body.parts) {
-      c.beginPath();
-      for (const [u, v] of part.points) {
-        c.lineTo(view.X(at[0] + u * cos - v * sin), view.Y(at[1] + u * sin + v * cos));
-      }
-      if (part.closed) c.closePath();
-      c.strokeStyle = part.strong ? colours.rivals[0] : colours.ink;
-      c.lineWidth = part.strong ? 5 : 1.5;
-      if (part.closed) {
-        c.fillStyle = colours.manifold;
-        c.globalAlpha = 0.35;
-        c.fill();
-        c.globalAlpha = 1;
-      }
-      c.stroke();
-    }
-  });
+  const exact = points.length && orders.filter((order) => points.every((row) => row.orders[order] <= FLOOR));
+  const said = lines === 0
+    ? "Switch an order on to measure its error."
+    : exact.length ? `exact to rounding: order ${exact.join(", ")}` : "";
+  view.name(said, view.width / 2, view.height / 2, 0.5);
 }
 
 // The net of M0 in a box: {spans, lines}, a line the points along it in pieces of one kind, {attracts, along}. It changes
@@ -337,15 +337,12 @@ function drawSpace(view, model, s, curves, places, angles, data, now, colours) {
   corners.slice(1).forEach((corner, k) => {
     polyline(corner.map((value, i) => [corners[0][i], value]), colours.faint, 1);
     const [px, py] = project(corner);
-    c.fillStyle = colours.ink;
-    c.textAlign = "center";
-    c.textBaseline = "middle";
-    c.fillText(model.quantities[places[k]], Math.min(view.width - 14, Math.max(14, px)), Math.min(view.height - 10, Math.max(10, py - 9)));
+    view.name(model.labelled(model.quantities[places[k]]), Math.min(view.width - 14, Math.max(14, px)), Math.min(view.height - 6, Math.max(14, py - 5)), 0.5);
   });
   const inSpace = (curve) => places.map((place) => curve.q[place]);
   polyline(inSpace(curves.full), colours.ink, 2.4);
   for (const run of curves.reduced) polyline(inSpace(run), colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
   const at = now === null ? curves.full.t[0] : now;
   const [px, py] = project(places.map((place) => valueAt(curves.full, place, at)));
-  view.dot(px, py, now === null ? colours.rivals[1] : colours.ink);
+  view.dot(px, py, now === null ? colours.accent : colours.ink);
 }

@@ -20,58 +20,13 @@ const ESTIMATE = 3;
 // reduced field grows beyond bounds.
 const FADED = 0.03;
 
-// The largest real part of the eigenvalues of a small matrix: roots of its characteristic polynomial, by Faddeev and
-// LeVerrier's recursion and Durand and Kerner's iteration.
+// The largest real part of the eigenvalues of a matrix.
 function spectralAbscissa(A, n) {
   if (n === 1) return A[0];
-  const c = [1];
-  let M = new Float64Array(n * n);
-  for (let k = 1; k <= n; k++) {
-    const next = new Float64Array(n * n);
-    for (let i = 0; i < n; i++) {
-      for (let j = 0; j < n; j++) {
-        let total = 0;
-        for (let q = 0; q < n; q++) total += A[i * n + q] * (M[q * n + j] + (q === j ? c[k - 1] : 0));
-        next[i * n + j] = total;
-      }
-    }
-    let trace = 0;
-    for (let i = 0; i < n; i++) trace += next[i * n + i];
-    c.push(-trace / k);
-    M = next;
-  }
-  if (n === 2) {
-    const half = -c[1] / 2;
-    const square = half * half - c[2];
-    return square > 0 ? half + Math.sqrt(square) : half;
-  }
-  let radius = 0;
-  for (let k = 1; k <= n; k++) radius = Math.max(radius, Math.pow(Math.abs(c[k]), 1 / k));
-  const re = new Float64Array(n);
-  const im = new Float64Array(n);
-  for (let i = 0; i < n; i++) {
-    re[i] = radius * Math.cos((2 * Math.PI * i) / n + 0.4);
-    im[i] = radius * Math.sin((2 * Math.PI * i) / n + 0.4);
-  }
-  for (let sweep = 0; sweep < 80; sweep++) {
-    let moved = 0;
-    for (let i = 0; i < n; i++) {
-      let [pr, pi, qr, qi] = [1, 0, 1, 0];
-      for (let k = 1; k <= n; k++) [pr, pi] = [pr * re[i] - pi * im[i] + c[k], pr * im[i] + pi * re[i]];
-      for (let j = 0; j < n; j++) {
-        if (j === i) continue;
-        const [dr, di] = [re[i] - re[j], im[i] - im[j]];
-        [qr, qi] = [qr * dr - qi * di, qr * di + qi * dr];
-      }
-      const size = qr * qr + qi * qi || 1e-300;
-      const [sr, si] = [(pr * qr + pi * qi) / size, (pi * qr - pr * qi) / size];
-      re[i] -= sr;
-      im[i] -= si;
-      moved = Math.max(moved, Math.abs(sr) + Math.abs(si));
-    }
-    if (moved < 1e-10 * radius) break;
-  }
-  return Math.max(...re);
+  if (n > 2) return Math.max(...eigenvaluesOf(A, n).re);
+  const half = (A[0] + A[3]) / 2;
+  const square = half * half - A[0] * A[3] + A[1] * A[2];
+  return square > 0 ? half + Math.sqrt(square) : half;
 }
 
 function makeModel(data, program) {
@@ -85,7 +40,12 @@ function makeModel(data, program) {
   const nFast = reducible ? reduction.fast.length : 0;
 
   const constants = (s) => [s.epsilon, ...s.parameters];
-  const labelled = (name) => (name in data.units ? `${name} (${data.units[name]})` : name);
+  // A name in pieces [text, raised by], with its unit, as it is drawn on a canvas.
+  const labelled = (name) => {
+    const [base, below, above] = data.lettered[name];
+    const pieces = [[base, 0], [below, -1], [above, 1], [name in data.units ? ` (${data.units[name]})` : "", 0]];
+    return pieces.filter(([text]) => text !== "");
+  };
 
   function atDeclared(s) {
     return s.parameters.every((value, i) => value === model.values[i]);
@@ -126,6 +86,13 @@ function makeModel(data, program) {
   function quantitiesAt(z, p, out) {
     program.quantities(z, p, out);
     return out;
+  }
+
+  // Of the rates of the states by the states (nRaw x nRaw, by rows): what is reconstructed has no part in it.
+  function jacobianAt(z, p) {
+    const whole = new Float64Array(n * n);
+    program.jacobian(z, p, whole);
+    return Float64Array.from({ length: nRaw * nRaw }, (_, k) => whole[Math.floor(k / nRaw) * n + (k % nRaw)]);
   }
 
   // y on M0 over x, nearest to `y` in Newton's sense; false where there is none.
@@ -404,11 +371,68 @@ function makeModel(data, program) {
       from = result.full.times.findIndex((t) => t > ended);
       if (from < 0) break;
     }
-    result.rivals = rivals(result, s, accuracy);
+    if (accuracy.rivals !== false) result.rivals = rivals(result, s, accuracy);
     return result;
   }
 
-  // Rival fields of the scene, from the full run's own values where it has reached the manifold.
+  // Fills what is not among the `given` states of z from the slow manifold through `order`, where those are slaved to the
+  // given ones; z begins near. False where the sheet has ended, or no such point was found.
+  function complete(z, given, order, s, p) {
+    const y = new Float64Array(nFast);
+    const out = new Float64Array(n);
+    for (let step = 0; step < 40; step++) {
+      const u = toNew(z, p);
+      const x = u.slice(0, nSlow);
+      const y0 = u.slice(nSlow);
+      if (!onSheet(x, y0, p)) return false;
+      sum("h", order, coordinatesOf(x, y0, s), s, p, y);
+      u.set(y, nSlow);
+      program.toRaw(u, p, out);
+      let moved = 0;
+      for (let i = 0; i < nRaw; i++) {
+        if (given.includes(i)) continue;
+        moved = Math.max(moved, Math.abs(out[i] - z[i]) / (1 + Math.abs(out[i])));
+        z[i] = out[i];
+      }
+      if (!Number.isFinite(moved)) return false;
+      if (moved < NEWTON) return true;
+    }
+    return false;
+  }
+
+  // The reduced flow of order 0 in the plane of two states: a function that fills `rate` at their values; null where the slow
+  // motion is not one in that plane.
+  function flowIn(places, s) {
+    if (!reducible || nSlow !== 2 || places.some((place) => place >= nRaw)) return null;
+    const p = constants(s);
+    const z = new Float64Array(n);
+    const rate = new Float64Array(n);
+    return (values, out) => {
+      z.set(Float64Array.from(s.start));
+      places.forEach((place, k) => (z[place] = values[k]));
+      if (!complete(z, places, 0, s, p)) return false;
+      const u = toNew(z, p);
+      const y0 = u.slice(nSlow);
+      const x = u.slice(0, nSlow);
+      const slow = new Float64Array(nSlow);
+      sum("f", 0, coordinatesOf(x, y0, s), s, p, slow);
+      // Along the manifold: the states at a slow point a little further on.
+      const ahead = (sign) => {
+        const size = 1e-5 / (1 + Math.hypot(...slow));
+        const next = x.map((value, i) => value + sign * size * slow[i]);
+        const yNext = y0.slice();
+        onSheet(next, yNext, p);
+        program.toRaw(Float64Array.of(...next, ...yNext), p, rate);
+        return { size, at: places.map((place) => rate[place]) };
+      };
+      const [before, after] = [ahead(-1), ahead(1)];
+      after.at.forEach((value, k) => (out[k] = (value - before.at[k]) / (2 * after.size)));
+      return allFinite(out);
+    };
+  }
+
+  // Rival fields of the scene, from the full run's own values where it has reached the manifold. What a field says nothing of is
+  // taken from the slow manifold through first order where its states are the model's, and the path follows.
   function rivals(result, s, accuracy) {
     if (!result.pieces.length || !model.claims.length) return [];
     const p = constants(s);
@@ -417,10 +441,30 @@ function makeModel(data, program) {
       const places = claim.states.map((name) => model.quantities.indexOf(name));
       const start = Float64Array.from(places, (place) => values[place]);
       const rate = program[`claim${i}`];
-      const run = integrateExplicit((z, out) => rate(z, p, out), start, result.layerEnd, s.span[1], {
-        ...accuracy, maxSteps: accuracy.reducedSteps,
-      });
-      return { name: claim.name, places, run };
+      const given = claim.states.map((name) => model.states.indexOf(name));
+      const whole = !given.includes(-1);
+      const order = Math.min(1, seriesAt(s).order);
+      const z = Float64Array.from(result.full.states[result.pieces[0].at]);
+      const at = (state, out) => {
+        out.set(z);
+        given.forEach((place, j) => (out[place] = state[j]));
+        const found = complete(out, given, order, s, p);
+        for (let j = 0; j < nDriven; j++) out[nRaw + j] = state[given.length + j];
+        if (found) z.set(out);
+        return found;
+      };
+      const [point, moving] = [new Float64Array(n), new Float64Array(n)];
+      const field = (state, out) => {
+        rate(state.subarray(0, given.length), p, out);
+        if (!whole || nDriven === 0) return;
+        if (at(state, point)) program.field(point, p, moving);
+        else moving.fill(NaN);
+        for (let j = 0; j < nDriven; j++) out[given.length + j] = moving[nRaw + j];
+      };
+      const begun = whole ? Float64Array.of(...start, ...z.subarray(nRaw)) : start;
+      const run = integrateExplicit(field, begun, result.layerEnd, s.span[1], { ...accuracy, maxSteps: accuracy.reducedSteps });
+      const state = new Float64Array(begun.length);
+      return { name: claim.name, places, run, at: whole ? (t, out) => stateAt(run, t, state) !== null && at(state, out) : null };
     });
   }
 
@@ -467,7 +511,7 @@ function makeModel(data, program) {
       const last = rival.run.times[rival.run.times.length - 1];
       const top = new Float64Array(rival.places.length);
       const gap = new Float64Array(rival.places.length);
-      const own = new Float64Array(rival.places.length);
+      const own = new Float64Array(rival.run.states[0].length);
       for (const t of times) {
         if (t > last) break;
         quantitiesAt(stateAt(result.full, t, z), p, shown);
@@ -539,7 +583,7 @@ function makeModel(data, program) {
 
   return {
     ...model, labelled, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, fixed, explicit, simulate,
-    comparison, errorsOf, bestOrder,
-    quantitiesAt, toNew, gapAt, onSheet, coordinatesOf, manifoldAt, layer, layerFolds, arrival, reduced, atDeclared, sum,
+    comparison, errorsOf, bestOrder, flowIn,
+    quantitiesAt, jacobianAt, toNew, gapAt, onSheet, coordinatesOf, manifoldAt, layer, layerFolds, arrival, reduced, atDeclared, sum,
   };
 }

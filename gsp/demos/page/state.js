@@ -55,6 +55,13 @@ function encodeState(state, data) {
   return `#${parts}`;
 }
 
+// The step of the story that a fragment names; null where it names none.
+function stepIn(fragment, data) {
+  const given = new URLSearchParams(fragment.slice(1, MAX_SHARED)).get("step");
+  const step = given === null ? NaN : Math.round(readNumber(given, NaN));
+  return step >= 0 && step < data.story.length ? step : null;
+}
+
 // The state that a fragment describes. What it does not say, or says wrongly, stays as `state` has it.
 function decodeState(fragment, state, data) {
   const given = new URLSearchParams(fragment.slice(1, MAX_SHARED));
@@ -80,6 +87,6 @@ function decodeState(fragment, state, data) {
     trace: name("trace", state.trace),
     tolerance: tolerance > 0 ? tolerance : state.tolerance,
     fixed: fixed >= 0 ? fixed : state.fixed,
-    step: Math.max(0, Math.min(data.story.length - 1, Math.round(number("step", state.step)))),
+    step: stepIn(fragment, data) ?? state.step,
   };
 }

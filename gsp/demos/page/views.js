@@ -5,6 +5,8 @@ const DRAWN = 600;
 // Nodes of a run in fixed steps are shown where there are no more than this; where it grows, this part of it is in the picture.
 const DOTTED = 200;
 const ROOM = 1.5;
+const FONT = "12px system-ui, sans-serif";
+const SMALL_FONT = "9px system-ui, sans-serif";
 const MARGIN = { left: 52, right: 12, top: 22, bottom: 30 };
 
 // Quantities along a run as {t, q}: q[i] the values of quantity i. Every step is divided, so that long steps look smooth.
@@ -37,6 +39,7 @@ function sampleAt(model, times, p, at) {
 function sampleAll(model, result, s, stepped = null) {
   const p = model.constants(s);
   const full = sampleRun(model, result.full, p, (t, z) => stateAt(result.full, t, z) !== null);
+  full.blows = result.full.status !== "reached";
   const reduced = [];
   for (const [piece, { runs }] of result.pieces.entries()) {
     for (const run of runs) {
@@ -53,9 +56,10 @@ function sampleAll(model, result, s, stepped = null) {
       reduced.push({ order: run.order, piece, within, isWhole: within === times[count], ...sampled });
     }
   }
-  const rivals = result.rivals.map(({ name, places, run }) => {
+  const rivals = result.rivals.map(({ name, places, run, at }) => {
     const ended = run.times[run.times.length - 1];
     const times = Float64Array.from({ length: 301 }, (_, i) => run.times[0] + ((ended - run.times[0]) * i) / 300);
+    if (at) return { name, ...sampleAt(model, times, p, at) };
     const q = model.quantities.map(() => new Float64Array(times.length).fill(NaN));
     const state = new Float64Array(places.length);
     times.forEach((t, i) => {
@@ -110,18 +114,27 @@ function extent(arrays) {
     }
   }
   if (!(low <= high) || !Number.isFinite(low)) return [-1, 1];
-  const room = 0.08 * (high - low) || 0.5 * (Math.abs(low) || 1);
+  // What varies by less than the error of a quick run is drawn as the constant that it may be.
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  const room = high - low > PICTURE.rtol * size ? 0.08 * (high - low) : 0.5 * (size || 1);
   return [low - room, high + room];
 }
 
-// The range of quantity j in a picture: of the full run, of what else shall be seen, and of the beginning of a run that
-// blows up.
+// The range of quantity j in a picture: of all runs and of what else shall be seen. Of a run that blows up it is the
+// beginning: within the last twentieth of its time it grows beyond all bounds.
 function rangeOf(curves, j, others = []) {
-  const seen = extent([curves.full.q[j], others]);
-  if (!curves.fixed) return seen;
+  const { t, q, blows } = curves.full;
+  const last = t[0] + 0.95 * (t[t.length - 1] - t[0]);
+  const seen = extent([blows ? q[j].filter((_, k) => t[k] <= last) : q[j], others]);
   const room = ROOM * (seen[1] - seen[0]);
-  const near = curves.fixed.q[j].map((value) => Math.min(seen[1] + room, Math.max(seen[0] - room, value)));
-  return extent([seen, near.filter(Number.isFinite)]);
+  const [low, high] = [seen[0] - room, seen[1] + room];
+  const more = [...curves.reduced, ...curves.rivals, ...(curves.fixed ? [curves.fixed] : [])];
+  const near = more.map(({ q }) => q[j].filter(Number.isFinite).map((value) => Math.min(high, Math.max(low, value))));
+  return near.some((values) => values.length) ? union(seen, extent(near)) : seen;
+}
+
+function union(a, b) {
+  return [Math.min(a[0], b[0]), Math.max(a[1], b[1])];
 }
 
 // An axis' range that does not tremble while a slider moves: it grows at once, and shrinks when much of it is empty.
@@ -149,6 +162,8 @@ class View {
   constructor(container, caption) {
     this.figure = document.createElement("figure");
     this.caption = document.createElement("figcaption");
+    this.words = document.createElement("span");
+    this.caption.append(this.words);
     this.frame = document.createElement("div");
     this.frame.className = "frame";
     this.canvas = document.createElement("canvas");
@@ -163,7 +178,7 @@ class View {
   }
 
   say(...parts) {
-    this.caption.replaceChildren(...parts);
+    this.words.replaceChildren(...parts);
   }
 
   begin(colours) {
@@ -176,7 +191,7 @@ class View {
     this.context.clearRect(0, 0, this.width, this.height);
     this.colours = colours;
     this.context.lineJoin = "round";
-    this.context.font = "12px system-ui, sans-serif";
+    this.context.font = FONT;
   }
 
   // Linear axes; `equal` gives both the same scale.
@@ -226,13 +241,30 @@ class View {
       c.fillText(mark(value, yLog, ys.digits), MARGIN.left - 5, this.Y(value));
     }
     c.stroke();
+    this.name(xName, right - 2, this.height - 5, 1);
+    this.name(yName, 4, 13, 0);
+  }
+
+  // A text, or a name in pieces [text, raised by], of which the share `left` stands left of x.
+  name(text, x, y, left) {
+    const c = this.context;
+    const pieces = typeof text === "string" ? [[text, 0]] : text;
+    const fonts = pieces.map(([, raised]) => (raised ? SMALL_FONT : FONT));
+    const widths = pieces.map(([part], k) => {
+      c.font = fonts[k];
+      return c.measureText(part).width;
+    });
+    const width = widths.reduce((a, b) => a + b, 0);
     c.fillStyle = this.colours.ink;
-    c.textAlign = "right";
-    c.textBaseline = "alphabetic";
-    c.fillText(xName, right - 2, this.height - 3);
     c.textAlign = "left";
-    c.textBaseline = "top";
-    c.fillText(yName, 4, 3);
+    c.textBaseline = "alphabetic";
+    let at = x - left * width;
+    pieces.forEach(([part, raised], k) => {
+      c.font = fonts[k];
+      c.fillText(part, at, y - 4 * raised + (raised < 0 ? -1 : 0));
+      at += widths[k];
+    });
+    c.font = FONT;
   }
 
   clipped(draw) {

@@ -81,7 +81,7 @@ function methodName(method) {
 // Error up, operations across; the tolerance as a line, and the cheapest run that keeps to it in a ring.
 function drawWork(view, rows, tolerance, colours, orders) {
   view.begin(colours);
-  const known = rows.filter((row) => row.error > 0 && Number.isFinite(row.error));
+  const known = rows.filter((row) => row.error > FLOOR && row.error < LOST);
   const x = known.map((row) => Math.log10(row.operations));
   const y = known.map((row) => Math.log10(row.error));
   const level = Math.log10(tolerance);
@@ -107,9 +107,9 @@ function drawWork(view, rows, tolerance, colours, orders) {
     for (const order of orders) one(order, colours.orders[order], `order ${order}`);
     for (const name of names) view.word(...name);
     const chosen = cheapest(rows, tolerance);
-    if (chosen && chosen.error > 0) {
+    if (known.includes(chosen)) {
       const c = view.context;
-      c.strokeStyle = colours.rivals[1];
+      c.strokeStyle = colours.accent;
       c.lineWidth = 3;
       c.beginPath();
       c.arc(view.X(Math.log10(chosen.operations)), view.Y(Math.log10(chosen.error)), 9, 0, 2 * Math.PI);

@@ -17,7 +17,8 @@ from gsp.critical.layer_problem import least_norm_newton
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.minimally_augmented import MatrixMap, bialternate, identity, singular_near
 from gsp.critical.normal_forms import null_vectors, quadratic_coefficient
-from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found, fast_lengths
+from gsp.critical.sheet_points import EQUAL
+from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.naming import name_loss
 from gsp.hyperbolicity.losses.zeros import zero
@@ -30,9 +31,6 @@ NEAR_BRANCH_POINTS = 0.35
 # Nearer losses of one kind are one: multiple zeros are located to the root of rounding only.
 SAME_KIND = 1e-4
 HALVINGS = 3
-# A point between two of a curve is nearer to both than this share of their distance, once they are near enough. Between
-# two curves one of the distances stays what it is.
-BETWEEN = 0.8
 
 FOLDS = (LossKind.FOLD, LossKind.CUSP, LossKind.BOGDANOV_TAKENS)
 Chain = list[np.ndarray]
@@ -71,7 +69,7 @@ def _distinct(diagnosis: Diagnosis, losses: Sequence[Loss]) -> list[Loss]:
     names = [s.name for s in diagnosis.sampler.system.states]
     z = np.array([[loss.point[name] for name in names] for loss in losses]).reshape(-1, len(names))
     # In y a multiple zero is located to a root of what it is in x.
-    lengths = fast_lengths(diagnosis.samples[:, diagnosis.nx :])
+    lengths = diagnosis.units[diagnosis.nx :]
     margin = np.append(SAME_KIND * diagnosis.widths, 0.1 * SAME_KIND**0.5 * lengths)
     kept: list[int] = []
     for i, loss in enumerate(losses):
@@ -136,10 +134,10 @@ def _represented(diagnosis: Diagnosis, losses: list[Loss], places: np.ndarray) -
 def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
     """Typical sizes of (x, y): the region's widths, and what the branch and the losses span in y."""
     nx = diagnosis.nx
-    y = np.vstack([diagnosis.samples[:, nx:], z[:, nx:]])
+    y, lengths = np.vstack([diagnosis.samples[:, nx:], z[:, nx:]]), diagnosis.units[nx:]
     spans = np.ptp(y[np.isfinite(y).all(axis=1)], axis=0)
-    spans = np.where(spans > max(ROUNDING, ROUNDING * float(spans.max())), spans, 0.0)
-    return np.append(diagnosis.widths, np.where(spans > 0.0, spans, float(spans.max()) or 1.0))
+    # Points of a branch on which a variable is constant differ in it by rounding.
+    return np.append(diagnosis.widths, np.where(spans > EQUAL * lengths, spans, lengths))
 
 
 def _parts(edges: list[tuple[int, int]], count: int) -> list[list[int]]:
@@ -167,7 +165,7 @@ def _singular_point(
     diagnosis: Diagnosis, of: MatrixMap, u: np.ndarray, scales: np.ndarray
 ) -> np.ndarray | None:
     try:
-        return least_norm_newton(singular_near(diagnosis.problem, of, u), u, scales, 1e-12)
+        return least_norm_newton(singular_near(diagnosis.problem, of, u, scales), u, scales, 1e-12)
     except np.linalg.LinAlgError:
         return None
 
@@ -180,7 +178,9 @@ def _chain(
     if length <= NEAR:
         return []
     between = _singular_point(diagnosis, of, 0.5 * (p + q), scales)
-    nearest = length if halvings else BETWEEN * length
+    # A point between two of a curve is nearer to both than this share of their distance, once they are near
+    # enough. Between two curves one of the distances stays what it is.
+    nearest = length if halvings else 0.8 * length
     if between is None or max(np.linalg.norm((between - end) / scales) for end in (p, q)) > nearest:
         return None
     if halvings == 0:

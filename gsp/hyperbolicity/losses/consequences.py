@@ -9,7 +9,10 @@ M. Krupa, J. Dynam. Differential Equations 25 (2013) 925-958 for cusps; A. I. Ne
 from __future__ import annotations
 
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import NamedTuple
+
+from gsp.critical.loss_kind import LossKind
 
 # The smallest positive zero of Ai(-s): the passage of v' = v^2 + t (Mishchenko and Rozov 1980).
 OMEGA_0 = 2.3381074104597670385
@@ -164,6 +167,29 @@ def hopf(coefficients: Mapping[str, float]) -> LossConsequence:
         f"the buffer point of an analytic system, then {after}; noise above exp(-c/epsilon) removes the delay",
         False,
         "where orbits leave is decided by the entry-exit function",
+    )
+
+
+def of_switch(kind: LossKind, exponent: Fraction | None) -> LossConsequence:
+    """Where the sheet of a switch ends; `exponent` is the power of epsilon after which orbits leave a visible fold."""
+    if kind is LossKind.TWO_FOLD:
+        return LossConsequence(
+            "the fields of both sides are tangent to the surface: what orbits do is not decided by them",
+            False,
+            "keep the region off it, or integrate the full system",
+        )
+    if kind is LossKind.INVISIBLE_FOLD:
+        return LossConsequence(
+            "the field of that side bends back to the surface: orbits begin to slide here",
+            True,
+            "from here on, on the side where both fields push towards the surface",
+        )
+    late = "by no power of epsilon" if exponent is None else f"after a slow time of order epsilon^({exponent})"
+    return LossConsequence(
+        f"sliding ends, as at the end of a friction cone: orbits leave along the field of that side, {late}",
+        False,
+        "stop the reduced flow there and go on with the field of that side; run_piecewise does both, and sliding_exit "
+        "says how late orbits leave",
     )
 
 

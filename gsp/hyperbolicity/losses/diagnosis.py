@@ -19,20 +19,15 @@ from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.multilinear_form import MultilinearForm
 from gsp.critical.sampling import Sampler
+from gsp.critical.sheet_points import EQUAL
 from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.fibre import FibreOrder, order_along
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.systems.region import Interval
 
-# Share of the region over which the layer problem is followed along its fast fibre.
-ALONG = 0.1
 # Losses nearer than this to an edge of the region, relative to its width, are on the edge.
 EDGE = 1e-7
 TYPICAL = 65
-# A motion along the fibre smaller than this share of what the branch moves is none: multiple zeros are inexact points.
-INEXACT = 1e-3
-# Fast coordinates that differ by less are equal: points of a branch are found to 1e-12 (1 + |y|).
-ROUNDING = 1e-10
 
 
 class Found(NamedTuple):
@@ -71,19 +66,6 @@ class Local:
         return all(bool(np.isfinite(a).all()) for a in (self.A, self.g_x, self.second, self.third.values))
 
 
-def fast_lengths(y: np.ndarray) -> np.ndarray:
-    """How far a branch reaches in each fast variable (n_fast,), by most of its samples y (m, n_fast).
-
-    The few next to a pole do not say it. A variable that is constant takes the largest length of the others, or 1.
-    """
-    finite = y[np.isfinite(y).all(axis=1)]
-    if not len(finite):
-        return np.ones(y.shape[1])
-    lengths = np.subtract(*np.quantile(finite, (0.9, 0.1), axis=0))
-    longest = float(lengths.max())
-    return np.where(lengths > ROUNDING * longest, lengths, longest or 1.0)
-
-
 class Diagnosis:
     """One branch in one box, to name its losses in; `samples` (m, n) lie on it, `scale` is its largest |lambda|."""
 
@@ -102,7 +84,12 @@ class Diagnosis:
     @cached_property
     def units(self) -> np.ndarray:
         """The sizes (n,) that states are compared at: the region's widths, and how far the branch reaches beside it."""
-        return np.append(self.widths, fast_lengths(self.samples[:, self.nx :]))
+        return np.append(self.widths, self.sampler.fast_lengths(self.samples))
+
+    def in_units(self, matrices: np.ndarray) -> np.ndarray:
+        """g_y (..., n_fast, n_fast) with the fast variables in their units: its eigenvalues are the same."""
+        units = self.units[self.nx :]
+        return matrices * (units / units[:, None])
 
     @cached_property
     def _rates(self):
@@ -181,7 +168,9 @@ class Diagnosis:
         moved = np.abs((self.samples[:, self.nx :] - z[self.nx :]) @ left)
         along = float(np.max(moved[np.isfinite(moved)], initial=0.0))
         # Less than this is what inexact points are off.
-        if along > INEXACT * self.spread(left) and along > ROUNDING * float(np.abs(left).sum()):
+        # A motion along the fibre smaller than this share of what the branch moves is none: multiple zeros are
+        # inexact points.
+        if along > 1e-3 * self.spread(left) and along > EQUAL * float(np.abs(left).sum()):
             return along
         fast = [self.box.get(s.name) for s in self.sampler.system.y]
         return float(sum(abs(c) * (i[1] - i[0]) for c, i in zip(left, fast) if i)) if all(fast) else 0.0
@@ -191,12 +180,13 @@ class Diagnosis:
         y = self.samples[:, self.nx :]
         y = y[np.isfinite(y).all(axis=1)]
         total = float(np.abs(left) @ np.ptp(y, axis=0)) if len(y) else 0.0
-        return total if total > ROUNDING * float(np.abs(left).sum()) else 0.0
+        return total if total > EQUAL * float(np.abs(left).sum()) else 0.0
 
     def fibre(self, z: np.ndarray, right: np.ndarray, left: np.ndarray, V: float) -> FibreOrder | None:
         """The order of the layer problem along its fast fibre, out to a share of the region."""
         left = np.linalg.qr(left)[0] * np.sign((left * np.linalg.qr(left)[0]).sum(axis=0))
-        width = ALONG * (V or self.spread(left[:, 0]) or 1.0)
+        # Share of the region over which the layer problem is followed along its fast fibre.
+        width = 0.1 * (V or self.spread(left[:, 0]) or 1.0)
         moved = self.samples.copy()
         moved[:, self.nx :] += width * np.random.default_rng(0).standard_normal(moved[:, self.nx :].shape)
         sizes = np.abs(self.problem.residual(moved)).max(axis=1)

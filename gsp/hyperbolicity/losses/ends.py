@@ -10,25 +10,22 @@ from typing import Any
 
 import numpy as np
 
+from gsp.algebra.switching_functions import switches
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.sampling import neighbours
+from gsp.critical.sheet_points import EQUAL
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.consequences import LossConsequence
-from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
+from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import ZERO_TOLERANCE, Locator
-from gsp.hyperbolicity.losses.switching import switches
 
 # Ends that are located, and halvings for each: to give a sheet up is slow.
 ENDS = 2
 HALVINGS = 24
 # A switching function is zero at an end below this, relative to its size over the samples.
 AT_END = 1e-4
-# An eigenvalue that creeps towards zero without ever being there is no smaller than this share at a zero of Newton's.
-VANISHED = 1e-2
-# The field ends rather than its hyperbolicity where the least |lambda| is this share of what it is over the samples.
-HYPERBOLIC = 1e-3
 
 DOMAIN = LossConsequence(
     "the field has no real value beyond; orbits that get there leave the model",
@@ -85,11 +82,14 @@ def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | No
     nx = diagnosis.nx
     sizes = np.append(AT_END * diagnosis.widths, AT_END**0.5 * np.ptp(diagnosis.samples[:, nx:], axis=0))
     # An end may be the fold itself, to rounding.
-    vanished = max(VANISHED * _least(diagnosis, end), ZERO_TOLERANCE * locator.usual)
+    # An eigenvalue that creeps towards zero without ever being there is no smaller than this share at a zero of
+    # Newton's.
+    vanished = max(1e-2 * _least(diagnosis, end), ZERO_TOLERANCE * locator.usual)
     near = [
         found
         for found in locator.found
-        if (np.abs(found.z - end) <= sizes + ROUNDING).all() and _least(diagnosis, found.z) <= vanished
+        if (np.abs(found.z - end) <= sizes + EQUAL * diagnosis.units).all()
+        and _least(diagnosis, found.z) <= vanished
     ]
     return near[0] if near else None
 
@@ -127,7 +127,9 @@ def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:
             return diagnosis.loss(
                 end, Contact.END, LossKind.NON_SMOOTH, str(switch.surface), here, SURFACE, note=note
             )
-    if value > HYPERBOLIC * _usual(diagnosis):
+    # The field ends rather than its hyperbolicity where the least |lambda| is this share of what it is over the
+    # samples.
+    if value > 1e-3 * _usual(diagnosis):
         return diagnosis.loss(end, Contact.END, LossKind.DOMAIN_END, "least |lambda|", value, DOMAIN)
     note = "no zero eigenvalue, pole or switching surface was found where it ends"
     return diagnosis.loss(

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsp.algebra.switching_functions import SwitchingFunction
 from gsp.critical.sampling import Sampler
 from gsp.critical.spectrum import is_singular
-from gsp.hyperbolicity.losses import switching
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
@@ -25,11 +25,10 @@ from gsp.hyperbolicity.losses.locator import (
 )
 from gsp.hyperbolicity.losses.naming import name_loss
 from gsp.hyperbolicity.losses.poles import poles
+from gsp.hyperbolicity.losses.switching import meetings
 from gsp.hyperbolicity.losses.whole_branch import ZERO_SINGULAR, centre_branch, degenerate_branch
 from gsp.systems.region import Interval
 
-# Rows of g_y on the branch below this share of what they are beside it are zero, as far as points are exact.
-ZERO_ROW = 1e-6
 Links = tuple[np.ndarray, np.ndarray]
 
 
@@ -46,7 +45,7 @@ class Examination:
     notes: tuple[str, ...]
     gap: float
     zero: float = 0.0
-    unmet: tuple[switching.SwitchingFunction, ...] = ()
+    unmet: tuple[SwitchingFunction, ...] = ()
 
 
 def examine(
@@ -73,7 +72,7 @@ def examine(
     usual = float(np.median(np.abs(np.real(eigenvalues)).min(axis=1)))
     locator = Locator(sampler, box, scale, usual=usual, samples=z)
     gap = _locate(locator, z, eigenvalues, links)
-    rough, unmet = switching.meetings(diagnosis, z, links)
+    rough, unmet = meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
     neutral = [name_loss(diagnosis, place) for place in locator.sums(*links)[:1]]
     return Examination(
@@ -112,7 +111,7 @@ def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list
 def _whole_branch(diagnosis: Diagnosis, z: np.ndarray, eigenvalues: np.ndarray) -> Loss | None:
     """The loss of a branch on which every sample is singular, or has an imaginary pair."""
     sizes = np.abs(eigenvalues).min(axis=1)
-    if _is_singular_throughout(diagnosis.sampler.fast_jacobian(z)) or (
+    if _is_singular_throughout(diagnosis.in_units(diagnosis.sampler.fast_jacobian(z))) or (
         sizes.max() <= ZERO_TOLERANCE * diagnosis.scale and _has_zero_row(diagnosis, z)
     ):
         return degenerate_branch(diagnosis, z)
@@ -140,10 +139,12 @@ def _has_zero_row(diagnosis: Diagnosis, z: np.ndarray) -> bool:
     nx = diagnosis.nx
     beside = z.copy()
     y = beside[:, nx:]
-    y += (1.0 + np.abs(y)) * np.random.default_rng(0).uniform(-1.0, 1.0, y.shape)
+    y += (diagnosis.units[diagnosis.nx :] + np.abs(y)) * np.random.default_rng(0).uniform(-1.0, 1.0, y.shape)
     rows = [np.abs(diagnosis.sampler.fast_jacobian(points)).sum(axis=2) for points in (z, beside)]
     on, off = (np.max(np.where(np.isfinite(part), part, 0.0), axis=0) for part in rows)
-    return bool((on <= ZERO_ROW * np.maximum(on, off)).any())
+    # Rows of g_y on the branch below this share of what they are beside it are zero, as far as points are
+    # exact.
+    return bool((on <= 1e-6 * np.maximum(on, off)).any())
 
 
 def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Links) -> float:
@@ -160,7 +161,7 @@ def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Lin
     searched = not (sampler.is_large and sampler.is_constant)
     locator.zeros(np.vstack([a[changed], z[nearest]]) if searched else z[:0])
     locator.changes(a[changed], b[changed])
-    for place, crossing, only_x in poles(sampler, z, LOCATED, locator.box, locator.notes):
+    for place, crossing, only_x in poles(sampler, z, LOCATED, locator.box, locator.notes, units=locator.units):
         locator.add(place, crossing, only_x=only_x)
     distance = signed_gap(eigenvalues, unstable(eigenvalues))
     if any(not place.is_pole for place in locator.found):

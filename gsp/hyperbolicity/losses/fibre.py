@@ -17,13 +17,9 @@ import numpy as np
 from gsp.critical.layer_problem import LayerProblem
 
 STEPS = 30
-# phi is zero along the fibre when it is below this, relative to the size of g nearby.
-ZERO_ALONG = 1e-11
 # It is measured over distances that shrink by 4; the one whose order is nearest to a whole number counts.
 LEVELS = 4
 ROUNDED = 0.1
-# What a power measured further out leaves here is told from noise when it is larger by this.
-CLEAR = 10.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +82,8 @@ def order_along(
     """
     product = float(left[:, 0] @ right[:, 0])
     weight = 1.0 / product if abs(product) > 1e-8 else 1.0
-    noise = ZERO_ALONG * max(typical, 1e-300) * abs(weight)
+    # phi is zero along the fibre when it is below this, relative to the size of g nearby.
+    noise = 1e-11 * max(typical, 1e-300) * abs(weight)
     best: tuple[float, FibreOrder] | None = None
     for level in range(LEVELS):
         sizes = width * 0.25**level * np.array([1.0, 0.5])
@@ -96,7 +93,8 @@ def order_along(
         if np.abs(values).max() <= noise:
             # A power may fall below the noise; where the one measured further out would not, it was none: phi is
             # zero up to where the field switches.
-            if best is None or best[1].at(sizes[0]) > CLEAR * noise:
+            # What a power measured further out leaves here is told from noise when it is larger by this.
+            if best is None or best[1].at(sizes[0]) > 10.0 * noise:
                 return FibreOrder(0.0, 0.0, 0.0, True)
             break
         found = _fitted(values, sizes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from fractions import Fraction
 
 from gsp.critical.loss_kind import LossKind
 from gsp.results.card import Card
@@ -23,11 +24,26 @@ class Contact(StrEnum):
     BRANCH_POLE = "pole of the branch"
     FIELD_POLE = "pole of the field"
     SWITCH = "switching surface"
+    SATURATION = "end of a switch"
 
     @property
     def is_everywhere(self) -> bool:
         """Whether it does so on the whole branch, and not at places."""
         return self in (Contact.EVERYWHERE, Contact.PAIR_EVERYWHERE)
+
+
+# Of v, x and epsilon: what gsp.blow_up computes at generic points of these kinds, and a canard point's.
+WEIGHTS = {
+    LossKind.FOLD: (1, 2, 3),
+    LossKind.SLIP_ONSET: (1, 2, 3),
+    LossKind.CUSP: (1, 3, 5),
+    LossKind.TRANSCRITICAL: (1, 1, 2),
+    LossKind.PITCHFORK: (1, 2, 4),
+    LossKind.BOGDANOV_TAKENS: (2, 4, 5),
+}
+CANARD = (1, 2, 2)
+# The coefficient that is there, and not zero, where the slow flow passes the point.
+PASSED_IF = {LossKind.CUSP: "kappa", LossKind.TRANSCRITICAL: "lambda", LossKind.PITCHFORK: "crossing"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,6 +87,26 @@ class Loss(Card):
         return self.kind is LossKind.NEUTRAL_SADDLE
 
     @property
+    def weights(self) -> tuple[int, int, int] | None:
+        """Weights of v, x and epsilon in the blow-up of a nilpotent point; None where the coefficients do not say them.
+
+        v is along the null direction; where the slow flow vanishes at a fold, x stands on its way to a canard point.
+        """
+        if self.kind.is_fold and self.coefficients.get("kappa") == 0.0:
+            return CANARD
+        passed = PASSED_IF.get(self.kind)
+        return WEIGHTS.get(self.kind) if passed is None or self.coefficients.get(passed) else None
+
+    @property
+    def scaling(self) -> str:
+        """The powers of epsilon that the weights give, in words; empty where there are none."""
+        if self.weights is None:
+            return ""
+        along, across, small = self.weights
+        sizes = f"v ~ epsilon^({Fraction(along, small)}), x ~ {_power(Fraction(across, small))}"
+        return f"{sizes}, by the weights {self.weights} of v, x and epsilon in the blow-up"
+
+    @property
     def headline(self) -> str:
         """Kind and place, in one line."""
         place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
@@ -89,5 +125,11 @@ class Loss(Card):
         if self.note:
             rows.append(("note", self.note))
         rows.append(("follows", self.consequence))
+        if self.scaling:
+            rows.append(("because", self.scaling))
         rows.append(("reduction", ("may go on: " if self.may_reduce else "ends here: ") + self.remedy))
         return "\n".join([self.headline, *(f"  {name:10}  {text}" for name, text in rows)])
+
+
+def _power(exponent: Fraction) -> str:
+    return "epsilon" if exponent == 1 else f"epsilon^({exponent})"

@@ -16,7 +16,7 @@ import numpy as np
 from gsp.critical.continuation.special_points import pair_test
 from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import Allowance
-from gsp.hyperbolicity.losses.diagnosis import Found, fast_lengths
+from gsp.hyperbolicity.losses.diagnosis import Found
 from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
 from gsp.systems.region import Interval
@@ -26,20 +26,11 @@ REFINED = 4
 LOCATED = 24
 # An eigenvalue counts as zero below this, relative to its usual size in the region.
 ZERO_TOLERANCE = 1e-9
-# Where an eigenvalue vanishes it is no larger than this share of its usual size: multiple zeros are inexact.
-VANISHED = 0.03
 # A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
 INFINITE = 1e6
 BISECTIONS = np.finfo(float).nmant
 # Two losses nearer than this, relative to the region's width, are one, and a jump there is the surface's.
 SAME = 1e-6
-# Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it; relative to
-# their distance at the sample. At a zero all three are rounding, which is none of it.
-JUMPED = 1e-3
-# How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
-TOWARDS = 0.01
-# Share of the region that one search for the least gap covers.
-SEARCHED = 0.02
 # Continuation steps that one search for the least gap may take. A point that the sheet reaches costs one to 21, one
 # beyond a fold about 80, because the sheet is followed up to the fold each time.
 SEARCH_STEPS = 1250
@@ -47,8 +38,6 @@ SEARCH_STEPS = 1250
 NEAR, NEAR_OF_LARGE = 1e-10, 1e-4
 # Neutral saddles that are looked at.
 SUMS = 6
-# Samples that say how large the equations are.
-SOME = 16
 
 
 class Locator:
@@ -69,10 +58,10 @@ class Locator:
         self.scale = scale
         self.usual = scale if usual is None else usual
         # Units of the states, by the region and the samples: volts and shares of channels have no common length.
-        nx = len(sampler.system.x)
         widths = [box[s.name][1] - box[s.name][0] for s in sampler.system.x]
-        self.units = np.append(widths, fast_lengths(samples[:, nx:]))
-        self._some = samples[:: 1 + len(samples) // SOME]
+        self.units = np.append(widths, sampler.fast_lengths(samples))
+        # Samples that say how large the equations are.
+        self._some = samples[:: 1 + len(samples) // 16]
         self.found: list[Found] = []
         self.notes: list[str] = []
 
@@ -115,15 +104,17 @@ class Locator:
         matrix = sampler.fast_jacobian(z[None, :])[0]
         if not np.isfinite(matrix).all():
             return None
-        unknown = np.concatenate([z, np.linalg.svd(matrix)[2][-1]])
+        # The null vector in the variables' own units, in which none is large or small beside the others.
+        unit = self.units[len(sampler.system.x) :]
+        unknown = np.concatenate([z, np.linalg.svd(matrix * unit / unit[:, None])[2][-1]])
 
         def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             point, v = u[None, :n], u[n:]
-            g_y = sampler.fast_jacobian(point)[0]
+            g_y = sampler.fast_jacobian(point)[0] * unit
             value = np.concatenate([equations(point)[0], g_y @ v, [v @ v - 1.0]])
             slope = np.zeros((len(value), len(u)))
             slope[:ny, :n] = jacobian(point)[0]
-            slope[ny : 2 * ny, :n] = sampler.bent(u[:n], v)
+            slope[ny : 2 * ny, :n] = sampler.bent(u[:n], unit * v)
             slope[ny : 2 * ny, n:] = g_y
             slope[-1, n:] = 2.0 * v
             return value, slope
@@ -140,7 +131,9 @@ class Locator:
             return None
         # A matrix far from normal has unit vectors that it all but annihilates, and yet no eigenvalue near zero.
         least = np.abs(sampler.eigenvalues(found[None, :n])).min()
-        return found[:n] if not least > VANISHED * max(self.usual, ZERO_TOLERANCE * self.scale) else None
+        # Where an eigenvalue vanishes it is no larger than this share of its usual size: multiple zeros are
+        # inexact.
+        return found[:n] if not least > 0.03 * max(self.usual, ZERO_TOLERANCE * self.scale) else None
 
     @cached_property
     def _branch_sizes(self) -> np.ndarray:
@@ -152,7 +145,7 @@ class Locator:
 
     @cached_property
     def _eigenvector_sizes(self) -> np.ndarray:
-        return self._sizes(self.sampler.fast_jacobian, 1.0)
+        return self._sizes(self.sampler.fast_jacobian, self.units[len(self.sampler.system.x) :])
 
     def _sizes(self, jacobian, units: np.ndarray | float) -> np.ndarray:
         """What a unit changes in each equation, as a rule: next to where a graph ends it changes any amount."""
@@ -169,21 +162,22 @@ class Locator:
         branch, nx = self.sampler.branch, len(self.sampler.system.x)
         if not branch.is_explicit and branch.seed is None:
             return True
-        separation = np.linalg.norm(sample[nx:] - point[nx:])
-        near, first = self._towards(point, sample, TOWARDS)
+        separation = np.linalg.norm((sample[nx:] - point[nx:]) / self.units[nx:])
+        # How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
+        near, first = self._towards(point, sample, 0.01)
         if near is None or first <= 0.3 * separation + 1e-6:
             return near is not None
         # A root of high order falls slowly, but it goes on falling.
         return bool(first <= 0.5 * separation and self._towards(point, near, 0.1)[1] <= 0.75 * first)
 
     def _towards(self, point: np.ndarray, sample: np.ndarray, share: float) -> tuple[np.ndarray | None, float]:
-        """The sheet of `sample` over x at that share of the way from `point`, and how far in y it is from it."""
+        """The sheet of `sample` over x at that share of the way from `point`, and how far in y, in units, it is."""
         nx = len(self.sampler.system.x)
         x = point[:nx] + share * (sample[:nx] - point[:nx])
         y, good = self.sampler.over(x[None, :], sample[None, :])
         if not good[0]:
             return None, float("inf")
-        return np.concatenate([x, y[0]]), float(np.linalg.norm(y[0] - point[nx:]))
+        return np.concatenate([x, y[0]]), float(np.linalg.norm((y[0] - point[nx:]) / self.units[nx:]))
 
     # -- changes of type ---------------------------------------------------------------------------
 
@@ -205,14 +199,17 @@ class Locator:
             last[~same & good] = z[~same & good]
         for before, after, from_ in zip(low, last, a):
             values = np.array([sampler.eigenvalues(z[None, :])[0] for z in (from_, before, after)])
-            if np.linalg.norm(before) > INFINITE * (1.0 + np.linalg.norm(from_)):
+            if np.linalg.norm(before / self.units) > INFINITE * (1.0 + np.linalg.norm(from_ / self.units)):
                 self.add(before, Contact.BRANCH_POLE, only_x=True)
             elif np.abs(values[1]).max() > INFINITE * (1.0 + np.abs(values[0]).max()):
                 self.add(before, Contact.FIELD_POLE, only_x=True)
             else:
                 near = values[2][np.argmin(np.abs(values[2].real))]
                 least = np.abs(np.real(values)).min(axis=1)
-                jumped = min(least[1], least[2]) > max(JUMPED * least[0], ZERO_TOLERANCE * self.usual)
+                # Eigenvalues that stay this far from the axis on both sides of a change of type have jumped
+                # across it; relative to their distance at the sample. At a zero all three are rounding, which
+                # is none of it.
+                jumped = min(least[1], least[2]) > max(1e-3 * least[0], ZERO_TOLERANCE * self.usual)
                 still = Contact.PAIR if abs(near.imag) > 1e-6 * self.scale else Contact.ZERO
                 self.add(after, Contact.JUMP if jumped else still)
 
@@ -267,7 +264,8 @@ class Locator:
         best, searched, is_incomplete = float("inf"), [], False
         for z in worst:
             # One search for samples next to one another.
-            if any((np.abs(z[:nx] - x) <= SEARCHED * widths).all() for x in searched):
+            # Share of the region that one search for the least gap covers.
+            if any((np.abs(z[:nx] - x) <= 0.02 * widths).all() for x in searched):
                 continue
             searched.append(z[:nx])
             allowance = Allowance(SEARCH_STEPS)

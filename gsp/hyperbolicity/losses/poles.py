@@ -14,12 +14,10 @@ from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
 from gsp.systems.region import Interval
 
-# Distances from a pole at which the field is compared, relative to 1 + |z|, and how much it has grown: a simple pole by
-# their quotient.
+# Distances from a pole at which the field is compared, relative to units + |z|, and how much it has grown: a simple
+# pole by their quotient.
 NEAR_POLE = (1e-4, 1e-7)
 GROWN = 100.0
-# The same of the branch's heights, which may go to infinity as slowly as 1/|x|^(1/3), by a factor of 10.
-HIGHER = 5.0
 # With many fast variables: how many samples further the tangent may put a zero. Before a simple zero it is one, before
 # one at which the sheet folds two.
 REACH = 2.0
@@ -28,14 +26,20 @@ MOST_STARTS = 48
 
 
 def poles(
-    sampler: Sampler, z: np.ndarray, starts: int, box: Mapping[str, Interval], notes: list[str]
+    sampler: Sampler,
+    z: np.ndarray,
+    starts: int,
+    box: Mapping[str, Interval],
+    notes: list[str],
+    *,
+    units: np.ndarray,
 ) -> Iterator[tuple[np.ndarray, Contact, bool]]:
     """Zeros of the denominators of the branch's graph and of the field next to the samples `z` (m, n) over `box`.
 
     Each denominator is followed from the `starts` samples nearest to its zeros. With many fast variables it is followed
     from samples next to which the sheet's tangent leads to a zero, from `MOST_STARTS` for all denominators together;
-    `notes` says when there were more. Yields the place, what goes to infinity there, and whether the place's fast
-    coordinates mean nothing.
+    `notes` says when there were more. Lengths are in `units` (n,). Yields the place, what goes to infinity there, and
+    whether the place's fast coordinates mean nothing.
     """
     system, nx = sampler.system, len(sampler.system.x)
     values = dict(system.parameters)
@@ -68,15 +72,18 @@ def poles(
                 sample[:nx] if free else sample,
                 steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
                 sparse=sampler.is_large and not free,
+                scales=units[:nx] if free else units,
             )
             if found is None:
                 continue
             # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
             place = np.concatenate([found, sample[nx:]]) if free else found
+            # The same of the branch's heights, which may go to infinity as slowly as 1/|x|^(1/3), by a factor
+            # of 10.
             grows = (
-                _is_pole(heights, place[:nx], HIGHER)
+                _is_pole(heights, place[:nx], units[:nx], 5.0)
                 if crossing is Contact.BRANCH_POLE
-                else _is_pole(sampler.rates, place, GROWN)
+                else _is_pole(sampler.rates, place, units, GROWN)
             )
             if grows:
                 yield place, crossing, free
@@ -144,11 +151,17 @@ def _next_to_zeros(
     return [z[row] for row in chosen.T]
 
 
-def _is_pole(values: Callable[[np.ndarray], np.ndarray], z: np.ndarray, grown: float) -> bool:
-    """Whether `values` (m, k) at (m, n) grow without bound towards `z`, where a denominator vanishes."""
-    directions = np.random.default_rng(0).standard_normal((2 * len(z) + 2, len(z))) * (1.0 + np.abs(z))
+def _is_pole(
+    values: Callable[[np.ndarray], np.ndarray], z: np.ndarray, units: np.ndarray, grown: float
+) -> bool:
+    """Whether `values` (m, k) at (m, n) grow without bound towards `z`, where a denominator vanishes.
+
+    Where they are real nowhere around `z` they do not: next to a zero of its argument's denominator atanh has no value.
+    """
+    directions = np.random.default_rng(0).standard_normal((2 * len(z) + 2, len(z))) * (units + np.abs(z))
     far, near = (np.abs(values(z + distance * directions)).max(axis=1) for distance in NEAR_POLE)
-    return bool(not np.isfinite(near).all() or (near > grown * far).any())
+    lost = np.isnan(near) & np.isfinite(far)
+    return bool((np.isinf(near) | lost | (near > grown * far)).any())
 
 
 def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import sympy as sp
 
 from gsp.algebra.differentiation import derivative
-from gsp.algebra.functions import NON_SMOOTH
+from gsp.algebra.switching_functions import SwitchingFunction, switches
 from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
+from gsp.hyperbolicity.losses.poles import is_above_zero
 from gsp.hyperbolicity.losses.roots import gauss_newton
 
 # A switching function is zero on the branch below this, relative to its largest value over the samples.
@@ -26,46 +25,16 @@ NEARER, GROWS = 1e-2, 2.0
 STARTS = 6
 
 
-@dataclass(frozen=True)
-class SwitchingFunction:
-    """A non-smooth function `source` of the field, not smooth where `surface` = 0."""
-
-    surface: sp.Expr
-    source: str
-
-
-def switches(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> tuple[SwitchingFunction, ...]:
-    """The switching functions of `expressions` that depend on `variables`, each once up to its sign."""
-    found: dict[sp.Expr, SwitchingFunction] = {}
-    for expression in expressions:
-        for atom in sorted(expression.atoms(*NON_SMOOTH, sp.Pow), key=sp.default_sort_key):
-            for surface in _surfaces(atom):
-                if surface.has(*variables) and surface not in found and -surface not in found:
-                    found[surface] = SwitchingFunction(surface, str(atom))
-    return tuple(found.values())
-
-
-def _surfaces(atom: sp.Expr) -> list[sp.Expr]:
-    if isinstance(atom, sp.Pow):
-        return [atom.base] if atom.exp.is_number and not atom.exp.is_integer else []
-    if isinstance(atom, (sp.Max, sp.Min)):
-        arguments = atom.args
-        return [a - b for i, a in enumerate(arguments) for b in arguments[:i]]
-    if isinstance(atom, sp.Piecewise):
-        relations = set().union(*(condition.atoms(sp.core.relational.Relational) for _, condition in atom.args))
-        return [r.lhs - r.rhs for r in sorted(relations, key=sp.default_sort_key)]
-    if isinstance(atom, (sp.floor, sp.ceiling)):
-        return [sp.sin(sp.pi * atom.args[0])]
-    return [atom.args[0]]
-
-
 def meetings(
     diagnosis: Diagnosis, z: np.ndarray, links: tuple[np.ndarray, np.ndarray]
 ) -> tuple[list[Loss], list[SwitchingFunction]]:
     """A loss for every switching surface that the branch meets, and the switches that it does not meet."""
     sampler = diagnosis.sampler
     found, unmet = [], []
+    values = dict(sampler.system.parameters)
     for switch in switches([*sampler.f, *sampler.g], sampler.system.states):
+        if is_above_zero(switch.surface.xreplace(values)):
+            continue
         points, lies_in_it = _located(diagnosis, switch, z, links)
         if len(points):
             found.append(_loss(diagnosis, switch, points, lies_in_it))

@@ -22,8 +22,6 @@ from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR
 from gsp.systems.region import Interval
 from gsp.systems.scattered_points import halton
 
-# Eigenvalues of a nilpotent block spread like a root of rounding.
-ZERO_BLOCK = 1e-4
 # Slow points and starts over each, in the search for points.
 ROWS = 9
 STARTS = 12
@@ -102,7 +100,8 @@ def _degenerate_point(diagnosis: Diagnosis, z: np.ndarray, A: np.ndarray, matric
     left, singular, right = np.linalg.svd(A)
     zero = int((singular <= ZERO_SINGULAR * size).sum())
     values = np.linalg.eigvals(A)
-    dimension = int((np.abs(values) <= ZERO_BLOCK * size).sum())
+    # Eigenvalues of a nilpotent block spread like a root of rounding.
+    dimension = int((np.abs(values) <= 1e-4 * size).sum())
     R, L = right[len(A) - zero :].T, left[:, len(A) - zero :]
     worst = float(np.abs(values).min())
     test = "least |lambda| at every sample"

@@ -36,7 +36,7 @@ def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     if not at.is_finite:
         return _degenerate(diagnosis, at, determinant, "g has no second or third derivative here")
     values = np.linalg.eigvals(at.A)
-    singular = np.linalg.svd(at.A, compute_uv=False)
+    singular = np.linalg.svd(diagnosis.in_units(at.A), compute_uv=False)
     corank = int((singular <= ZERO_SINGULAR * max(diagnosis.scale, singular[0])).sum())
     near = np.abs(values) <= DOUBLE_ZERO * diagnosis.scale
     on_axis = (np.abs(values.real) <= ZERO_SINGULAR * diagnosis.scale) & ~near & (np.abs(values.imag) > 0.0)

@@ -16,36 +16,24 @@ import numpy as np
 from gsp.algebra.brevity import LISTED, listed
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, HyperbolicityError, Status
-from gsp.integration.crossings import (
-    LOOK,
-    Search,
-    Settled,
-    Stepper,
-    Watched,
-)
-from gsp.integration.loop import run, standing
+from gsp.integration.crossings import Search
+from gsp.integration.loop import standing
 from gsp.integration.methods import Method
 from gsp.integration.pieces import RunPiece
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, DeterminantZero, loss_ahead
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
-from gsp.integration.run_array import Record
+from gsp.integration.run_array import Record, RunRecord
+from gsp.integration.watched import LOOK, Settled, Stepper, Watched
 from gsp.kernels.scan import ON_LOSS, clear_of_zero
 
 # A pair with a real part below this share of its modulus is imaginary.
 IMAGINARY = 1e-6
-# A run that fails with |det g_y| below this share of its largest value has failed at its zero: as the root of the time
-# that is left, det g_y falls no lower than the root of rounding.
-VANISHED = 1e-6
 # A det g_y that begins below this could fall below the least double without a zero, where no eigenvalue is below
 # a share of the largest that rounding makes.
 LEAST, ROUNDED = 1e-200, 1e-12
 # A sign change of det g_y is a zero when so far before it, as a share of the step, it is below this share.
 BESIDE, SMALL = 1e-9, 1e-3
-# What a loss is, is told from where |det g_y| was last this share of its largest value.
-BACK = 1e-2
-# The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
-JOINED = 100.0
 # A run is stuck when as many steps as are looked at together take less than this share of the time so far, and grow no
 # smaller: into a fold and other ends they do. Steps that are all alike take so little after 64 million of them.
 STUCK, SMALLER = 1e-6, 0.5
@@ -140,17 +128,19 @@ class Ending:
             return None
         return self._without_series(Settled(t, y, None))
 
-    def after_failure(self, record: Record) -> tuple[Record, str, str]:
+    def after_failure(self, record: RunRecord) -> tuple[RunRecord, str, str]:
         """`record`, if it stopped early continued into the loss that stopped it; a note and a remedy then."""
         if self.flow.order or record.status not in (Status.STEP_TOO_SMALL, Status.NON_FINITE):
             return record, "", ""
         loss, j = self._loss(record.times, record.states)
         if loss is None or self._beyond(loss.t):
             sizes = np.abs(self.values(record.times, record.states)[:, 0])
-            if not sizes[-1] <= VANISHED * sizes.max():
+            # A run that fails with |det g_y| below this share of its largest value has failed at its zero: as
+            # the root of the time that is left, det g_y falls no lower than the root of rounding.
+            if not sizes[-1] <= 1e-6 * sizes.max():
                 return record, "", ""
             return (
-                record.replaced(status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
+                record._replace(status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
             )  # fmt: skip
         tail = self._into(loss, float(record.times[j]), record.states[j])
         status, note, remedy = self._named(loss)
@@ -202,7 +192,8 @@ class Ending:
         step: there the run is the most sensitive, and its own end is where its last step leads.
         """
         sizes = np.abs(self.values(times, states)[:, 0])
-        j = int(np.flatnonzero(sizes >= BACK * sizes.max())[-1])
+        # What a loss is, is told from where |det g_y| was last this share of its largest value.
+        j = int(np.flatnonzero(sizes >= 1e-2 * sizes.max())[-1])
         last = len(times) - 1
         loss = self._ahead(float(times[j]), states[j], horizon=LONG_HORIZON)
         if loss is not None and loss.is_fold:
@@ -291,18 +282,18 @@ class Ending:
         stepper = self.stepper
         record = None
         if t != fold.t:
-            request = stepper.run(
+            record = stepper.through(
                 y, t, np.append(self._between(t, fold.t), fold.t), max_steps=MAX_STEPS,
                 watch=lambda times, states, dense: not self._holds(states).all(), first_step=fold.t - t,
             )  # fmt: skip
-            record = run(request)
         if record is None:
             return standing(t, y, Status.FOLD_REACHED, Method.DOP853)
         times, states, dense = record.times, record.states, record.dense
         keep = len(times)
         if times[-1] == fold.t:
             scale = stepper.atol + stepper.rtol * np.abs(fold.state)
-            if not (np.abs(states[-1] - fold.state) <= JOINED * scale).all():
+            # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
+            if not (np.abs(states[-1] - fold.state) <= 100.0 * scale).all():
                 keep -= 1
             inside = keep - 1 if keep == len(times) else keep
         else:
@@ -322,7 +313,7 @@ class Ending:
             line[-1] = fold.state
             times, states = np.append(times, new), np.vstack([states, line])
             dense = np.concatenate([dense, np.zeros((len(new), *record.dense.shape[1:]))])
-        return record.replaced(times=times, states=states, dense=dense, status=Status.FOLD_REACHED)
+        return record._replace(times=times, states=states, dense=dense, status=Status.FOLD_REACHED)
 
     def _between(self, first: float, last: float) -> np.ndarray:
         """The stops strictly between two times."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.critical.loss_kind import LossKind
-from gsp.integration.crossings import Search, Settled, Stepper, Watched, settle_event
-from gsp.integration.loop import run
+from gsp.integration.crossings import Search, settle_event
 from gsp.integration.methods import Method
 from gsp.integration.pieces import RunPiece
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.validity import Validity
+from gsp.integration.watched import Settled, Stepper, Watched
 from gsp.lowering.compiled_flow import compile_flow
 
 # How far the desingularised flow is followed, in times of the linear prediction of the zero of det g_y.
@@ -96,8 +96,7 @@ def loss_ahead(
 
     watched = [Watched("det g_y", 0, 1, settle_event), Watched("rest of det g_y", 0, 1, settle_tended)]
     search = Search(above, watched, np.ones(2), inner, 0.0, begun)
-    request = inner.run(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search)
-    record = search.truncated(run(request))
+    record = search.truncated(inner.through(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search))
     if search.end is None:
         return None
     end = search.end.y

@@ -13,14 +13,14 @@ from gsp.errors import Status
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.endings import ACROSS
 from gsp.integration.reduction_end.validity import Validity, eigenvalues, validity_of
-from gsp.integration.run_array import Record
+from gsp.integration.run_array import Record, RunRecord
 
 # All eigenvalues of n by n take about 25 n^3 operations. So many are spent on a run: a second or two.
 OPERATIONS = 1e10
 FEWEST = 8
 
 
-def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: Record) -> tuple[Record, str, str] | None:
+def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: RunRecord) -> tuple[Record, str, str] | None:
     """What of `record` holds, up to the last end of a step with the start's count of unstable eigenvalues; None if all.
 
     With a note and a remedy.
@@ -41,7 +41,7 @@ def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: Record) -> tuple[Recor
     while bad - good > 1:
         middle = (good + bad) // 2
         good, bad = (middle, bad) if _unstable(validity, states[middle], p) == unstable else (good, middle)
-    kept = record.replaced(
+    kept = record.apart()._replace(
         times=record.times[: good + 1].copy(),
         states=states[: good + 1].copy(),
         dense=record.dense[:good].copy(),

@@ -29,7 +29,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.algebra.sharing import plus, times
+from gsp.algebra.sharing import largest, plus, times
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical import spectrum
 from gsp.integration.reduction_end.fast_blocks import FastBlocks
@@ -155,7 +155,7 @@ class Validity(Portable):
         growth = sp.Integer(-max(1, 3 * (self.order - 1)))
         unit, drift = self._parts.inverse_trace(relative=relative)
         q = plus([unit, times(self.epsilon, drift, growth)])
-        return sp.Max(q, self._fall, evaluate=False) if self.watches_terms else q
+        return largest(self._fall, q) if self.watches_terms else q
 
     def watched(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which columns (w,) of `tests` a run watches, and the signs (m, w) that they keep from starts with `rows`."""
@@ -207,7 +207,7 @@ class Validity(Portable):
     def _falls(self) -> sp.Expr:
         if not self.watches_terms:
             return sp.S.Zero
-        before, last = (sp.Add(*[term**2 for term in terms]) for terms in self._last_terms)
+        before, last = (plus([times(term, term) for term in terms]) for terms in self._last_terms)
         return plus([before, times(last, sp.S.NegativeOne)])
 
     def point(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:

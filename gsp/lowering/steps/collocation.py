@@ -374,14 +374,9 @@ class _Writer:
             weight = real.reciprocal(real.add_product(atol, rtol, larger))
             ratio = builder.fmul(e, weight)
             total = real.add_product(total, ratio, ratio)
-            *earlier, before, last = (
-                builder.fmul(largest[4 - k], real.size(self.lane(c, code.stages - 1 - k)))
-                for k in range(4, 0, -1)
-            )
-            # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
-            last, before = real.largest([last, before]), real.largest(earlier)
-            falls = builder.fcmp_ordered("<", last, before)
-            term = builder.select(falls, builder.fmul(last, builder.fdiv(last, before)), last)
+            term = self.left_out([
+                builder.fmul(factor, self.lane(c, code.stages - 5 + k)) for k, factor in enumerate(largest)
+            ])  # fmt: skip
             gaps.append(builder.fmul(term, weight))
         self.keep(self.norm(total, self.n), radau_block.ERROR)
         self.keep(real.largest(gaps), radau_block.GAP)
@@ -391,6 +386,23 @@ class _Writer:
             line = real.add_product(c, leading, spread(builder, e, code.width))
             line = builder.insert_element(line, end, lane(last))
             self.keep_vector(line, code.lines + i * code.width)
+
+    def left_out(self, terms: list[Any]) -> Any:
+        """What the polynomial's last four terms foretell of the first one left out; as in `radau_loops`."""
+        builder, real = self.builder, self.real
+        sizes = [real.size(term) for term in terms]
+        before, last = real.largest(sizes[:2]), real.largest(sizes[2:])
+        falls = builder.fcmp_ordered("<", last, before)
+        in_pairs = builder.select(falls, builder.fmul(last, builder.fdiv(last, before)), last)
+        size = real.largest([before, last])
+        unit = real.reciprocal(size)
+        first, second, third, fourth = (builder.fmul(term, unit) for term in terms)
+        envelope = real.size(real.subtract_product(builder.fmul(third, third), second, fourth))
+        bound = real.size(real.subtract_product(builder.fmul(second, second), first, third))
+        ahead = builder.fmul(envelope, intrinsic(builder, "sqrt", envelope))
+        falls = builder.fcmp_ordered("<", builder.fmul(ahead, size), builder.fmul(bound, last))
+        in_envelope = builder.select(falls, builder.fmul(size, builder.fdiv(ahead, bound)), last)
+        return real.largest([in_pairs, in_envelope])
 
 
 def _constant(values: Iterable[float]) -> Any:

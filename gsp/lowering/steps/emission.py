@@ -24,8 +24,6 @@ _ZERO = ir.Constant(DOUBLE, 0.0)
 _ONE = ir.Constant(DOUBLE, 1.0)
 _NAN = ir.Constant(DOUBLE, float("nan"))
 
-# Up to here repeated squaring is faster than pow and loses a few units in the last place at most.
-_LARGEST_UNROLLED_POWER = 16
 
 # Known to SymPy and to the C library by the same name.
 _KNOWN = {
@@ -157,7 +155,8 @@ class Emitter:
             return self._general(expression)
         if exponent.is_negative:
             return self._two(self.builder.fdiv, _ONE, self._value(sp.Pow(base, -exponent)))
-        if not (2 * exponent).is_Integer or exponent > _LARGEST_UNROLLED_POWER:
+        # Up to here repeated squaring is faster than pow and loses a few units in the last place at most.
+        if not (2 * exponent).is_Integer or exponent > 16:
             return self._general(expression)
         x, k = self._value(base), int(exponent)
         result = None if exponent.is_Integer else intrinsic(self.builder, "sqrt", x)
@@ -187,11 +186,11 @@ class Emitter:
         if kind is sp.DiracDelta:
             # It comes from differentiating a jump, and is 0 but on a set that a trajectory crosses at once.
             return _ZERO
-        if kind in (sp.Max, sp.Min):
+        if isinstance(expression, (sp.Max, sp.Min)):
             values = [self._value(argument) for argument in expression.args]
             chosen = values[0]
             for value in values[1:]:
-                chosen = self._extreme(">" if kind is sp.Max else "<", chosen, value)
+                chosen = self._extreme(">" if isinstance(expression, sp.Max) else "<", chosen, value)
             return chosen
         raise UnsupportedFunctionError(
             f"there is no machine code for {kind.__name__}.",

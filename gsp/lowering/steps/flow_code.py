@@ -21,8 +21,6 @@ from gsp.lowering.steps.values import load
 # of 20 neurons 200.
 _ALWAYS = 500
 _MOST = 20_000
-# Between the two code pays when it does this share of the dense operations, 2 n^3/3, or less.
-_LARGEST_SHARE = 0.5
 # With more states code takes longer to compile than any run that it speeds up.
 _MOST_STATES = 40
 
@@ -103,4 +101,5 @@ def is_sparse(flow: FlowCode) -> bool:
 
 
 def _few_operations(n: int) -> float:
-    return _LARGEST_SHARE * 2 * n**3 / 3
+    # Between the two code pays when it does half of the dense operations, 2 n^3/3, or less.
+    return n**3 / 3

@@ -21,8 +21,6 @@ from gsp.orbits.canard_orbits.sheet import Sheet
 from gsp.roots import root
 from gsp.systems.flow import Flow
 
-# Meshes on which a canard is solved one after another, each adapted to the orbit before.
-PASSES = 3
 # Interpolation error that a canard's mesh is made for, and its elements at least and at most.
 PRECISION, FEWEST, MOST = 1e-11, 80, 1500
 # Crossings that are kept, and the places looked at for them, at most: curves that run along each other have more.
@@ -131,7 +129,8 @@ class CanardSolver:
     def solve(self, guess: OrbitSegment) -> OrbitSegment | None:
         """The canard near an orbit, on a mesh adapted to it."""
         orbit: OrbitSegment | None = guess
-        for _ in range(PASSES):
+        # Meshes on which a canard is solved one after another, each adapted to the orbit before.
+        for _ in range(3):
             if orbit is None:
                 return None
             elements = int(np.clip(orbit.elements_for(PRECISION), FEWEST, MOST))

@@ -29,10 +29,6 @@ ROUNDING, LAST = 1e-13, 1e-8
 PATIENT, SETTLED = 40, 1e-4
 # A step this much longer than the one before ends the iteration; one longer than half the orbit is shortened.
 RULES = Rules(ITERATIONS, ROUNDING, LAST, growth=4.0, hopeless=1.0, longest=0.5)
-# Share of the elements that is spread evenly, so that none grows too long.
-EVEN = 0.15
-# Largest value of the nodal polynomial of the Gauss points and the start of an element of length one.
-NODAL = 2e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,13 +99,15 @@ class OrbitSegment:
 
     def elements_for(self, tolerance: float) -> int:
         """How many elements an even mesh needs for interpolation errors below `tolerance` of the orbit's extent."""
-        even = (tolerance * (STAGES + 1) / NODAL) ** (1.0 / (STAGES + 1))
+        # Largest value of the nodal polynomial of the Gauss points and the start of an element of length one.
+        even = (tolerance * (STAGES + 1) / 2e-3) ** (1.0 / (STAGES + 1))
         return int(np.ceil(self.monitor().sum() / even))
 
     def adapted(self, elements: int) -> OrbitSegment:
         """The same orbit on a mesh of `elements` that spreads its monitor evenly."""
         weight = self.monitor()
-        weight += EVEN * weight.sum() * np.diff(self.mesh)
+        # Share of the elements that is spread evenly, so that none grows too long.
+        weight += 0.15 * weight.sum() * np.diff(self.mesh)
         return self.on(equidistributed(self.mesh, weight, elements))
 
 

@@ -38,16 +38,10 @@ State = Mapping[str, float] | Mapping[sp.Symbol, float]
 # The innermost crossing is the weak canard when it is this near to the innermost orbits of both sheets, in local
 # widths over so many local units on each side of the section.
 WEAK_DISTANCE, WEAK_REACH = 1e-5, 2.0
-# A solved crossing this near the innermost one, in local units, is the same canard; there the curves touch.
-TOUCHING = 1e-2
 # Two crossings this near each other, in local units, are one to rounding.
 SAME = 1e-7
 # Elements of all Newton steps for the crossings, at most; 31 crossings at 28 canards take 120 000.
 WORK = 500_000
-# Fewer powers of e between a line and the node are said in the message.
-LITTLE = 15.0
-# Interpolation error of the orbits that stand for the axis.
-AXIS_PRECISION = 1e-10
 
 
 class CanardOrbitError(GspError):
@@ -134,7 +128,8 @@ class CanardOrbits(Drawn, Tabular):
         if self.exhausted:
             text += "; the work allowed for the crossings was used up before the innermost"
         for sheet in (self.attracting, self.repelling):
-            if sheet.contraction < LITTLE:
+            # Fewer powers of e between a line and the node are said in the message.
+            if sheet.contraction < 15.0:
                 side = "attracting" if sheet.attracting else "repelling"
                 text += (
                     f"; the line on the {side} sheet counts: orbits beside the strong canard come nearer by "
@@ -319,7 +314,8 @@ class _Finder:
         inner = []
         for builder, sheet in zip(self.builders, self.sheets):
             segment = sheet.segments[0]
-            inner.append(builder.polished(segment, precision=AXIS_PRECISION) or segment)
+            # Interpolation error of the orbits that stand for the axis.
+            inner.append(builder.polished(segment, precision=1e-10) or segment)
         axis = (inner[0], inner[1])
         if not solved or (passed and not self._is_at(solved[-1], innermost)):
             return axis, None
@@ -336,7 +332,9 @@ class _Finder:
         if innermost is None:
             return False
         off = np.abs((solved.state[self.columns] - innermost.place) / self.scale).max()
-        return solved.crossing is innermost or bool(off < TOUCHING)
+        # A solved crossing this near the innermost one, in local units, is the same canard; there the curves
+        # touch.
+        return solved.crossing is innermost or bool(off < 1e-2)
 
     def _is_strong(self, solved: _SolvedCanard) -> bool:
         """Whether a canard passes the node rather along its strong direction than along its weak one."""

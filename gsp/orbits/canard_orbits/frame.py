@@ -14,7 +14,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity
@@ -101,7 +101,12 @@ class FoldedNodeFrame:
         names = [state.name for state in self.desingularised.states]
         start = dict(zip(names, [*z, 0.0]))
         return trajectory_of(
-            self.desingularised, start=start, span=(0.0, -span), rtol=1e-9, atol=1e-12, max_steps=STEPS
+            self.desingularised,
+            start=start,
+            span=(0.0, -span),
+            rtol=1e-9,
+            atol=1e-12,
+            options=RunOptions(max_steps=STEPS),
         )
 
     def inwards(self, z: np.ndarray) -> Trajectory:
@@ -114,7 +119,7 @@ class FoldedNodeFrame:
             span=(0.0, PATIENCE / abs(self.rates[1])),
             rtol=1e-7,
             atol=1e-9,
-            max_steps=STEPS,
+            options=RunOptions(max_steps=STEPS),
         )
 
 

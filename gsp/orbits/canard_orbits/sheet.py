@@ -16,7 +16,7 @@ import numpy as np
 from gsp.collocation.bordered import Conditions, OrbitChange
 from gsp.errors import Status
 from gsp.integration.methods import Method
-from gsp.integration.trajectory import trajectory_of
+from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.orbits.canard_orbits.collocation import Collocation, OrbitSegment, sampled
 from gsp.orbits.canard_orbits.frame import FoldedNodeFrame, Plane
 from gsp.orbits.canard_orbits.line import SheetLine, SheetNotFound, crossing_times
@@ -40,8 +40,6 @@ SEGMENTS, WORK = 1500, 600_000
 # The curves turn by about 1 - mu between gamma_0 and gamma_w. Turns from one segment to the next are shorter by
 # SHARPER (1 - mu) where that is below one, down to FINEST.
 SHARPER, FINEST = 10.0, 0.1
-# A segment this short, in local units of time, ends the curve.
-SHRUNK = 0.05
 # A first segment is good when it comes this near the node, in local units, and not taken beyond FURTHEST.
 NEAR, FURTHEST = 0.3, 1.5
 
@@ -243,7 +241,7 @@ class SheetBuilder(Tracer[_SheetNode]):
         run = trajectory_of(
             frame.system, start=dict(zip([s.name for s in frame.system.states], z)),
             span=(0.0, self.side * (2.0 * time + 4.0 * frame.time)),
-            epsilon=frame.epsilon, rtol=1e-9, atol=1e-11, method=Method.RADAU9,
+            epsilon=frame.epsilon, rtol=1e-9, atol=1e-11, options=RunOptions(method=Method.RADAU9),
         )  # fmt: skip
         for k, end in crossing_times(run, self.section):
             if abs(run.at(end)[2] - frame.point[2]) <= FURTHEST * frame.width:
@@ -371,7 +369,8 @@ class SheetBuilder(Tracer[_SheetNode]):
     def _ending(self, orbit: OrbitSegment) -> SheetEnd | None:
         if abs(self._free_end(orbit)[2] - self.frame.point[2]) > WINDOW * self.frame.width:
             return SheetEnd.WINDOW
-        if orbit.time < SHRUNK * self.frame.time:
+        # A segment this short, in local units of time, ends the curve.
+        if orbit.time < 0.05 * self.frame.time:
             return SheetEnd.LINE
         return None if self.start.enters(self._line_end(orbit)) else SheetEnd.PASSED
 

@@ -10,15 +10,6 @@ from gsp.orbits.periodic.family import CycleKind
 from gsp.orbits.periodic.orbit import NEUTRAL
 from gsp.orbits.periodic.tracing import CycleTracer, Row
 
-# The parameter's share of a tangent below which its sign is rounding.
-NOISE = 1e-9
-# A located point is known to this share of the step.
-LOCATED = 1e-10
-# A multiplier is on the unit circle at a located point when its logarithm is below this.
-ON_CIRCLE = 1e-4
-# At a located fold the parameter's share of the direction is below this.
-STANDS_STILL = 1e-6
-
 
 def located(tracer: CycleTracer, rows: list[Row], lengths: list[float]) -> list[tuple[CycleKind, int]]:
     """The special orbits, put into `rows` and `lengths` where they belong: kinds and rows."""
@@ -28,16 +19,19 @@ def located(tracer: CycleTracer, rows: list[Row], lengths: list[float]) -> list[
         kind = _kind_between(rows[k], rows[k + 1])
         if kind is not None:
             test = _test(tracer, kind, rows[k], rows[k + 1])
+            # A located point is known to this share of the step.
             special = tracer.located(
                 rows[k],
                 lengths[k + 1],
                 test,
                 (test(rows[k]), test(rows[k + 1])),
-                apart=LOCATED * lengths[k + 1],
+                apart=1e-10 * lengths[k + 1],
             )
-            if special is not None and abs(_logarithm(kind, special[0])) < ON_CIRCLE:
+            # A multiplier is on the unit circle at a located point when its logarithm is below this.
+            if special is not None and abs(_logarithm(kind, special[0])) < 1e-4:
                 row, length = special
-                if kind is CycleKind.BRANCH_POINT and abs(_slope(tracer, row)) < STANDS_STILL:
+                # At a located fold the parameter's share of the direction is below this.
+                if kind is CycleKind.BRANCH_POINT and abs(_slope(tracer, row)) < 1e-6:
                     kind = CycleKind.FOLD
                 rows.insert(k + 1, row)
                 lengths.insert(k + 1, length)
@@ -80,7 +74,8 @@ def _counts(row: Row) -> tuple[int, int, int]:
 
 def _test(tracer: CycleTracer, kind: CycleKind, a: Row, b: Row) -> Callable[[Row], float]:
     before, after = _slope(tracer, a), _slope(tracer, b)
-    if kind is CycleKind.BRANCH_POINT and before * after < 0.0 and min(abs(before), abs(after)) > NOISE:
+    # The parameter's share of a tangent below which its sign is rounding.
+    if kind is CycleKind.BRANCH_POINT and before * after < 0.0 and min(abs(before), abs(after)) > 1e-9:
         return lambda row: _slope(tracer, row)
     return lambda row: _logarithm(kind, row)
 

@@ -12,8 +12,6 @@ import numpy as np
 from gsp.collocation.mesh import equidistributed
 from gsp.orbits.periodic.collocation import Cycle, OrbitProblem
 
-# Some points everywhere: the estimate is of leading order only, and layers move along a family.
-FLOOR = 0.2
 # More intervals than the estimate asks for.
 MARGIN = 1.15
 # Fewest intervals: with less a polynomial spans a third of the cycle and no estimate holds.
@@ -62,7 +60,8 @@ def adapted(
     density = (np.roll(density, 1) + 2.0 * density + np.roll(density, -1)) / 4.0
     if not np.isfinite(density).all():
         return cycle.mesh
-    density = np.maximum(density, FLOOR * float((density * widths).sum()))
+    # Some points everywhere: the estimate is of leading order only, and layers move along a family.
+    density = np.maximum(density, 0.2 * float((density * widths).sum()))
     density = np.maximum(MARGIN * density / tolerance ** (1.0 / (cycle.scheme.degree + 1)), least)
     intervals = float((density * widths).sum())
     if not np.isfinite(intervals):

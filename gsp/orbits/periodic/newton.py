@@ -21,12 +21,8 @@ RULES = Rules(STEPS, CONVERGED, STAGNANT)
 # Phases are known to so many units in the last place, and the states at a phase to that times their slopes: in a jump
 # that takes 1e-12 of the period, to 1e-3 of the amplitude.
 PHASE_ROUNDING = 16 * np.finfo(float).eps
-# Halvings of a step that makes the defect larger.
-HALVINGS = 5
 # A cycle that has shrunk by this factor is an equilibrium.
 COLLAPSED = 1e-6
-# Meshes tried: each is right for the cycle on the one before.
-MESHES = 12
 # A mesh is kept when its estimated error is below the tolerance and above this share of it.
 WASTEFUL = 1e-3
 
@@ -71,7 +67,8 @@ def solve_cycle(
     def moved(cycle: Cycle, step: Cycle, share: float) -> Cycle | None:
         nonlocal defect
         found, new = cycle, np.inf
-        for _ in range(HALVINGS if damped else 1):
+        # Halvings of a step that makes the defect larger.
+        for _ in range(5 if damped else 1):
             found = cycle.moved(step, share)
             new = problem.residual(found, scales) if found.period > 0.0 else np.inf
             if new <= max(2.0 * defect, 1e-8):
@@ -114,7 +111,8 @@ def refine(
     """Solve, adapt the mesh, and again, until the estimated error is at most `tolerance`."""
     cycle, iterations, period, aim = guess, 0, float("nan"), tolerance
     best: Refined | None = None
-    for count in range(1, MESHES + 1):
+    # Meshes tried: each is right for the cycle on the one before.
+    for count in range(1, 12 + 1):
         solution = solve_cycle(problem, cycle, scales=scales_of(cycle))
         iterations += solution.iterations
         if not solution.status.ok:

@@ -14,7 +14,7 @@ import numpy as np
 from gsp.collocation.gauss import gauss
 from gsp.errors import GspError, Status
 from gsp.integration.methods import Method
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.orbits.periodic.collocation import Cycle
 from gsp.orbits.periodic.mesh import FEWEST, adapted
 from gsp.orbits.periodic.newton import scales_of
@@ -23,8 +23,6 @@ from gsp.systems.flow import Flow, Point
 
 # A lap is a guess when it closes within this share of its amplitude.
 CLOSES = 1e-3
-# Steps between two looks at the run; a relaxation oscillation takes about 200 a lap.
-BLOCK = 1500
 # Crossings of the section in a lap at most: mixed-mode orbits have several.
 MOST_CROSSINGS = 24
 # Places a step at which crossings are looked for.
@@ -37,8 +35,6 @@ FOREVER = 1e150
 # from 2e-13 to 1e-11. At 1e-11 the steps through the jumps are below the rounding of time.
 RTOL = 1e-10
 ATOL = 0.01 * RTOL
-# Intervals for each step of the run when it is sampled.
-FINER = 4
 
 
 class OrbitError(GspError):
@@ -59,7 +55,8 @@ class Lap:
         steps = np.sort(self.run.t)
         inside = steps[(steps > first) & (steps < last)]
         knots = np.concatenate([[0.0], (inside - first) / (last - first), [1.0]])
-        count = max(FINER * (len(knots) - 1), FEWEST)
+        # Intervals for each step of the run when it is sampled.
+        count = max(4 * (len(knots) - 1), FEWEST)
         mesh = np.unique(np.interp(np.linspace(0.0, len(knots) - 1.0, count + 1), np.arange(len(knots)), knots))
         fine = self._sampled(mesh, degree, first, last)
         return self._sampled(adapted(fine, scales_of(fine), error, most=most), degree, first, last)
@@ -87,11 +84,12 @@ def settled_lap(
     Raises `OrbitError` when the run does something else.
     """
     # Each run begins at the start again: a reduced flow takes no other point than its own kind of start.
-    steps = min(BLOCK, max_steps)
+    # Steps between two looks at the run; a relaxation oscillation takes about 200 a lap.
+    steps = min(1500, max_steps)
     while True:
         run = trajectory_of(
             flow, start=start, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
-            atol=ATOL, method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps,
+            atol=ATOL, options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps),
         )  # fmt: skip
         # Below ATOL a state is 0 as far as the run knows.
         ends = [0.0 if abs(v) <= ATOL else float(v) for v in run.at(run.t[-1])]
@@ -122,10 +120,14 @@ def settled_lap(
         if progress is not None:
             progress(steps / max_steps)
         if steps >= max_steps:
+            # Chaos settles nowhere, but comes back now and then: whether in its very last lap is chance.
+            lap = _closed_lap(run, closes, last=False)
+            if lap is not None:
+                return lap
             raise OrbitError(
                 f"the run from start has not come back to itself after {steps} steps.",
                 f"It is at {_shown(last)}. Raise max_steps, or give the period with a start near the cycle; "
-                "a torus or chaos never closes.",
+                "a torus never closes, and chaos seldom.",
             )
         steps = min(2 * steps, max_steps)
 
@@ -134,7 +136,7 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
     """The lap of that length from `start`; raises `OrbitError` when the run does not get through it."""
     run = trajectory_of(
         flow, start=start, span=(0.0, period), epsilon=epsilon, rtol=RTOL, atol=ATOL,
-        method=Method.RADAU13 if flow.is_stiff else Method.DOP853,
+        options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853),
     )  # fmt: skip
     if not run.status.ok:
         raise OrbitError(
@@ -149,8 +151,8 @@ def _at_rest(run: Trajectory) -> bool:
     return bool((moved <= AT_REST * size + ATOL).all())
 
 
-def _closed_lap(run: Trajectory, closes: float) -> Lap | None:
-    """The last lap of the run's second half that closes, in the section with the shortest one."""
+def _closed_lap(run: Trajectory, closes: float, *, last: bool = True) -> Lap | None:
+    """A lap of the run's second half that closes, its `last` or any, in the section with the shortest one."""
     t = run.t[len(run.t) // 2 :]
     if len(t) < 4 or not np.isfinite(t).all():
         return None
@@ -163,13 +165,15 @@ def _closed_lap(run: Trajectory, closes: float) -> Lap | None:
     for k in range(len(states)):
         if high[k] - low[k] <= AT_REST * max(abs(low[k]), abs(high[k])):
             continue
-        lap = _lap_in_section(run, times, states, k, 0.5 * (low[k] + high[k]), closes)
+        lap = _lap_in_section(run, times, states, k, 0.5 * (low[k] + high[k]), closes, last=last)
         if lap is not None and (found is None or abs(lap.length) < abs(found.length) * (1.0 - 1e-3)):
             found = lap
     return found
 
 
-def _lap_in_section(run: Trajectory, times, states, k: int, level: float, closes: float) -> Lap | None:
+def _lap_in_section(
+    run: Trajectory, times, states, k: int, level: float, closes: float, *, last: bool = True
+) -> Lap | None:
     above = states[k] > level
     places = np.flatnonzero(above[1:] & ~above[:-1])
     if len(places) < 2:
@@ -177,12 +181,15 @@ def _lap_in_section(run: Trajectory, times, states, k: int, level: float, closes
     ends = states[k, places] - level, states[k, places + 1] - level
     b = roots(lambda t: run.at(t)[k] - level, times[places], times[places + 1], ends=ends)
     points = run.at(b)
+    whole = np.ptp(states, axis=1)[:, None]
     for laps in range(1, min(MOST_CROSSINGS, len(places) - 1) + 1):
-        during = states[:, (times - b[-1 - laps]) * (times - b[-1]) <= 0.0]
-        amplitude = np.ptp(during, axis=1)
-        gap = np.abs(points[:, -1] - points[:, -1 - laps])
-        if (gap <= closes * (amplitude + 1e-6 * amplitude.max())).all():
-            return Lap(run, float(b[-1 - laps]), float(b[-1] - b[-1 - laps]))
+        gaps = np.abs(points[:, laps:] - points[:, :-laps])
+        # No lap has more than the amplitude of the whole.
+        near = np.flatnonzero((gaps <= closes * (whole + 1e-6 * whole.max())).all(axis=0))
+        for j in near[near == gaps.shape[1] - 1] if last else near[::-1]:
+            amplitude = np.ptp(states[:, places[j] + 1 : places[j + laps] + 1], axis=1)
+            if (gaps[:, j] <= closes * (amplitude + 1e-6 * amplitude.max())).all():
+                return Lap(run, float(b[j]), float(b[j + laps] - b[j]))
     return None
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integration.loop import Run, check_tolerances, run
+from gsp.integration.loop import Control, Run, check_tolerances, run
 from gsp.integration.methods import Method
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.orbits.periodic.collocation import OrbitProblem
@@ -67,7 +67,7 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     for _ in range(LAPS):
         laps += 1
         end = z.copy()
-        record = run(Run(compiled, p, end, 0.0, np.array([T]), Method.RADAU13, rtol, atol, 10**6))
+        record = run(Run(compiled, p, end, 0.0, np.array([T]), Control(Method.RADAU13, rtol, atol, 10**6)))
         if not record.status.ok:
             status = record.status
             break

@@ -30,14 +30,6 @@ from gsp.tracing.newton import Solution
 CORRECTIONS = 8
 AIMED, LONGER = 5, 1.5
 SMALLEST_STEP = 1e-7
-# Of two tangents in a row, the least cosine: a family that turns faster is stepped along again, more finely.
-STRAIGHT = 0.7
-# A family ends at an equilibrium when its cycle has shrunk to this share of the largest one.
-VANISHED = 1e-3
-# A predictor changes the width of an interval by this share of it at most.
-STRAIN = 0.5
-# A new mesh is made for this share of the tolerance, so that it serves for some steps.
-AIM = 0.3
 # Meshes tried for one cycle; a mesh is kept while it has this share of the growth an interval may have.
 MESHES = 4
 SLACK = 1.5
@@ -80,8 +72,10 @@ class CycleTracer(Tracer[Row]):
         self.controls = controls
         self.width = bounds[1] - bounds[0]
         self.most = controls.max_points
+        # Of two tangents in a row, the least cosine: a family that turns faster is stepped along again, more
+        # finely.
         self.pace = Pace(
-            controls.step, controls.max_step, SMALLEST_STEP, AIMED, largest_turn=float(np.arccos(STRAIGHT)),
+            controls.step, controls.max_step, SMALLEST_STEP, AIMED, largest_turn=float(np.arccos(0.7)),
             growth=LONGER,
         )  # fmt: skip
         self.largest = np.zeros(problem.size)
@@ -192,7 +186,8 @@ class CycleTracer(Tracer[Row]):
             resolved = (least * cycle.widths <= SLACK).all()
             if tolerance * WASTEFUL <= error <= tolerance and resolved:
                 break
-            mesh = adapted(cycle, scales, AIM * tolerance, most=self.controls.max_intervals, least=least)
+            # A new mesh is made for this share of the tolerance, so that it serves for some steps.
+            mesh = adapted(cycle, scales, 0.3 * tolerance, most=self.controls.max_intervals, least=least)
             if len(mesh) >= len(cycle.mesh) and error <= tolerance and resolved:
                 break
             cycle, along = cycle.on(mesh), along.on(mesh)
@@ -211,7 +206,8 @@ class CycleTracer(Tracer[Row]):
         """The predictor at that arclength, and the direction in which it lies, both on the mesh moved along."""
         cycle, widths = here.cycle, here.cycle.widths
         strain = float(np.abs(length * np.diff(here.drift) / widths).max())
-        share = min(1.0, STRAIN / strain) if strain > 0.0 else 1.0
+        # A predictor changes the width of an interval by half of it at most.
+        share = min(1.0, 0.5 / strain) if strain > 0.0 else 1.0
         values = here.tangent.values + share * (here.moving.values - here.tangent.values)
         mesh = cycle.mesh + length * share * here.drift
         mesh[0], mesh[-1] = 0.0, 1.0
@@ -275,7 +271,8 @@ class CycleTracer(Tracer[Row]):
         self.largest = np.maximum(self.largest, new.cycle.amplitudes)
         shrinks = (new.cycle.amplitudes < here.cycle.amplitudes).all()
         ending = None
-        if shrinks and (new.cycle.amplitudes <= VANISHED * self.largest).all():
+        # A family ends at an equilibrium when its cycle has shrunk to this share of the largest one.
+        if shrinks and (new.cycle.amplitudes <= 1e-3 * self.largest).all():
             ending = Status.EQUILIBRIUM_REACHED
         elif new.cycle.period > self.controls.max_period:
             ending = Status.PERIOD_GROWS

@@ -31,8 +31,6 @@ from gsp.singular.passage.slow_orbit import SlowOrbit
 # Newton's method in complex time starts at these multiples of what the eigenvalue's slope predicts.
 RADII, ANGLES = (1.0, 0.5, 2.0), (0.0, 0.7, -0.7, 1.3, -1.3)
 NEWTON_STEPS, REACH = 12, 4.0
-# Evaluations along one line at most: more are needed only next to a singularity of the orbit.
-EVALUATIONS = 2000
 # Turning points nearer than this are one, and an eigenvalue this small there has vanished, in relative terms.
 SAME, VANISHED = 1e-6, 1e-5
 # Panels along the path to a turning point, with 17 nodes each.
@@ -153,7 +151,8 @@ class ComplexOrbit:
         def scaled(s: float, w: np.ndarray) -> np.ndarray:
             nonlocal calls
             calls += 1
-            if calls > EVALUATIONS:
+            # Evaluations along one line at most: more are needed only next to a singularity of the orbit.
+            if calls > 2000:
                 raise np.linalg.LinAlgError("the orbit is nearly singular on the way")
             return step * self.rate(w)
 

@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp.errors import Status
 from gsp.integration.methods import Method
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
@@ -179,7 +179,7 @@ def measure_delay(
         epsilon=small,
         rtol=1e-13,
         atol=1e-300,
-        method=Method.RADAU13,
+        options=RunOptions(method=Method.RADAU13),
     )
     distance = _distances(delayed, double)
     beyond = (double.t > loss) & (distance >= radius)

@@ -7,23 +7,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-import sympy as sp
 
-from gsp.algebra.differentiation import derivative
-from gsp.algebra.laurent import laurent
+from gsp.fibres.layer_flow import LayerFlow
 from gsp.integration.trajectory import trajectory_of
-from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_over
-from gsp.systems.declaration import exact
 from gsp.systems.region import Interval
-from gsp.systems.system import SlowFastSystem, VectorField
 
-# The drop begins at this distance from the fold along r, relative to 1 + |y_0|; its error there is the cube.
+# The drop begins at this distance from the fold along r, in the layer's units; its error there is the cube.
 BEGINNING = 1e-4
 # Fast times, in units of the time that the escape from there takes, and how often they are doubled.
 PATIENCE, DOUBLINGS = 2.0, 8
-# Beyond this distance, relative to 1 + |y_0|, the drop counts as having no end.
-FAR = 1e8
 
 
 class DropKind(StrEnum):
@@ -62,50 +54,45 @@ class Drop:
         return f"Drop({self})"
 
 
+# A drop that escapes may pass the largest number: infinity lies beyond every bound.
+@np.errstate(over="ignore")
 def drop_from(
-    system: SlowFastSystem,
-    x: np.ndarray,
-    y: np.ndarray,
+    layer: LayerFlow,
+    fold: np.ndarray,
     direction: np.ndarray,
     bending: np.ndarray,
     *,
     rate: float,
     region: Mapping[str, Interval] | None,
 ) -> Drop:
-    """The drop over `x` from the fold `y` along `direction`, on y + direction v + bending v^2, v' = `rate` v^2."""
-    rates = [laurent(g, system.epsilon, order=0).get(0, sp.Integer(0)) for g in system.g]
-    fixed = {s: exact(float(value)) for s, value in zip(system.x, x)}
-    layer = VectorField(dict(zip(system.y, rates)), epsilon=None, parameters={**system.parameters, **fixed})
-    names = [s.name for s in system.y]
-    n, scale = len(y), 1.0 + float(np.linalg.norm(y))
-    v = BEGINNING * scale
-    here = y + direction * v + bending * v**2
-    span = PATIENCE / (rate * v)
-    slow = {s.name: float(value) for s, value in zip(system.x, x)}
-    compiled = compile_over(system, [*rates, *(derivative(g, s) for g in rates for s in system.y)])
-    constants = compile_flow(system).constants
+    """The drop from the `fold` y along `direction`, on y + direction v + bending v^2, v' = `rate` v^2.
 
-    def values(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        out = compiled(np.concatenate([x, at]), constants)
-        return out[:n], out[n:].reshape(n, n)
+    All of these (n_fast,) are in the system's units, and lengths are measured in those of `layer`.
+    """
+    units = layer.units
+    names = [s.name for s in layer.system.y]
+    v = BEGINNING / float(np.linalg.norm(direction / units))
+    y, here = fold / units, (fold + direction * v + bending * v**2) / units
+    span = PATIENCE / (rate * v)
+    flow = layer.flow()
 
     def result(kind: DropKind, at: np.ndarray) -> Drop:
-        matrix = values(at)[1]
+        matrix = layer.jacobian(at[None, :])[0]
         finite = bool(np.isfinite(matrix).all())
-        spectrum = np.linalg.eigvals(matrix) if finite else np.full(n, np.nan)
-        return Drop(kind, {**slow, **dict(zip(names, map(float, at)))}, spectrum)
+        spectrum = np.linalg.eigvals(matrix) if finite else np.full(len(at), np.nan)
+        slow = {s.name: float(value) for s, value in zip(layer.system.x, layer.x)}
+        return Drop(kind, {**slow, **dict(zip(names, map(float, at * units)))}, spectrum)
 
     for _ in range(DOUBLINGS):
-        run = trajectory_of(
-            layer, start=dict(zip(names, here)), span=(0.0, span), rtol=1e-10, atol=1e-12 * scale
-        )
-        outside = _leaving(run.y, names, region)
+        run = trajectory_of(flow, start=dict(zip(names, here)), span=(0.0, span), rtol=1e-10, atol=1e-12)
+        outside = _leaving(run.y * units[:, None], names, region)
         if outside is not None:
             return result(DropKind.LEAVES, run.y[:, outside])
         here = run.y[:, -1].copy()
-        if not run.status.ok or np.linalg.norm(here - y) > FAR * scale:
+        # Beyond this distance, in the layer's units, the drop counts as having no end.
+        if not run.status.ok or np.linalg.norm(here - y) > 1e8:
             return result(DropKind.ESCAPE, here)
-        landed = _equilibrium(values, here, y)
+        landed = _equilibrium(layer, here, y)
         if landed is not None:
             return result(DropKind.SHEET, landed)
         span *= 2.0
@@ -124,11 +111,11 @@ def _leaving(y: np.ndarray, names: list[str], region: Mapping[str, Interval] | N
     return int(np.argmax(outside)) if outside.any() else None
 
 
-def _equilibrium(values, here: np.ndarray, fold: np.ndarray) -> np.ndarray | None:
+def _equilibrium(layer: LayerFlow, here: np.ndarray, fold: np.ndarray) -> np.ndarray | None:
     """The attracting equilibrium at `here`, by Newton's method; None when it has not been reached."""
     y = here.copy()
     for _ in range(20):
-        g, g_y = values(y)
+        g, g_y = layer.rates(y[None, :])[0], layer.jacobian(y[None, :])[0]
         try:
             step = np.linalg.solve(g_y, g)
         except np.linalg.LinAlgError:
@@ -139,6 +126,6 @@ def _equilibrium(values, here: np.ndarray, fold: np.ndarray) -> np.ndarray | Non
         if np.linalg.norm(step) <= 1e-13 * (1.0 + np.linalg.norm(y)):
             break
     near = np.linalg.norm(y - here) <= 1e-4 * (1.0 + np.linalg.norm(y))
-    away = np.linalg.norm(y - fold) > 10.0 * BEGINNING * (1.0 + np.linalg.norm(fold))
-    stable = np.linalg.eigvals(values(y)[1]).real.max() < 0.0
+    away = np.linalg.norm(y - fold) > 10.0 * BEGINNING
+    stable = np.linalg.eigvals(layer.jacobian(y[None, :])[0]).real.max() < 0.0
     return y if near and away and stable else None

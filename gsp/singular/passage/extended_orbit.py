@@ -26,16 +26,12 @@ from gsp.systems.declaration import exact
 from gsp.systems.flow import Point, check_epsilon, complete
 from gsp.systems.system import SlowFastSystem
 
-# Steps of one orbit at most.
-STEP_LIMIT = 20000
 # Digits carried at most: an orbit takes minutes then.
 MOST_DIGITS = 2000
 # Places in a step where the sign of `until` is looked at.
 LOOKS = 8
 # Points recorded in a step.
 SAMPLES = 4
-# An orbit farther from 0 than this has escaped.
-FAR = 1e30
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,7 +176,8 @@ class _Taylor:
         watched = {name: [_double(self._coefficients(node)[0])] for name, node in self.watch.items()}
         status, met, steps, ahead = Status.TOO_MANY_STEPS, False, 0, state
         exponent = -self.digits - 5
-        while steps < STEP_LIMIT:
+        # Steps of one orbit at most.
+        while steps < 20000:
             steps += 1
             series = self._series(state)
             h = direction * self._step(series, state, exponent)
@@ -204,7 +201,8 @@ class _Taylor:
             if met or arrived:
                 status = Status.SUCCESS
                 break
-            if not all(v.is_finite() and abs(v) < FAR for v in state):
+            # An orbit farther from 0 than this has escaped.
+            if not all(v.is_finite() and abs(v) < 1e30 for v in state):
                 status = Status.NON_FINITE
                 break
         return ExtendedOrbit(

@@ -12,7 +12,7 @@ from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
 from gsp.integration.loop import check_tolerances
 from gsp.integration.methods import Method
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
@@ -25,8 +25,6 @@ from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, val
 FORGOTTEN = 60.0
 # Steps along the reduced orbit upstream, as a share of the distance expected (fourth order: 1e-10), and their number.
 STEP, STEPS = 0.01, 10000
-# How often the span is lengthened until the section is met.
-LENGTHENINGS = 6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,7 +121,8 @@ def fold_exit(
     span = (3.0 * delay + time) if time is not None else 4.0 * _distance(passage, first) + 3.0 * delay
     atol = rtol * 1e-3
     run, crossing = None, None
-    for _ in range(LENGTHENINGS):
+    # How often the span is lengthened until the section is met.
+    for _ in range(6):
         run = trajectory_of(
             system,
             start=named_start,
@@ -131,7 +130,7 @@ def fold_exit(
             epsilon=small,
             rtol=rtol,
             atol=atol,
-            method=Method.RADAU13,
+            options=RunOptions(method=Method.RADAU13),
         )
         crossing = _crossing(passage, run, column, value)
         if crossing is not None or not run.status.ok:
@@ -326,7 +325,7 @@ def _located(
                 epsilon=epsilon,
                 rtol=rtol,
                 atol=atol,
-                method=Method.RADAU13,
+                options=RunOptions(method=Method.RADAU13),
             )
             z = short.y[:, -1]
         change = (z[column] - value) / compiled.rates(z, p)[column]

@@ -21,7 +21,7 @@ Theorem 2.1, for the transition map.)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -32,9 +32,10 @@ import numpy as np
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.algebra.precision import precision
-from gsp.critical.continuation.special_points import SpecialPoint
-from gsp.critical.layer_problem import LayerProblem, least_norm_newton
+from gsp.critical.continuation.special_points import SpecialPoint, fold_vectors
+from gsp.critical.layer_problem import LayerProblem, least_norm_newton, natural_scales
 from gsp.critical.minimally_augmented import identity, singular_near
+from gsp.fibres.layer_flow import LayerFlow
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
@@ -43,15 +44,13 @@ from gsp.singular.passage.drop import Drop, drop_from
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
-from gsp.systems.region import Interval, check_region
+from gsp.systems.region import Interval, check_region, powers_of_two
 from gsp.systems.system import SlowFastSystem
 
-# A point given for the fold may miss it by this, relative to 1 + |u|.
+# A point given for the fold may miss it by this, relative to the states' sizes.
 NEAR = 1e-2
-# Coefficients count as zero below this, relative to what they are made of.
+# Coefficients count as zero below this, relative to what they are made of, the states in units of their sizes.
 ZERO = 1e-8
-# A fold counts as on the region's edge within this share of its width.
-EDGE = 1e-6
 
 
 @lru_cache(maxsize=1)
@@ -142,8 +141,18 @@ def fold_passage(
     {'y': 0.02338107410459...}
     """
     check_noun(system, SlowFastSystem, verb="fold_passage")
+    return passage_at(system, fold, region)
+
+
+def passage_at(
+    system: SlowFastSystem,
+    fold: SpecialPoint | Point,
+    region: Mapping[str, Interval] | None = None,
+    sizes: Sequence[float] | None = None,
+) -> FoldPassage:
+    """`fold_passage` where the states' `sizes` (n,) are known, as of a branch; else the fold has to tell them."""
     box = None if region is None else check_region(region, [s.name for s in system.states])
-    problem, u = _located(system, fold)
+    problem, u, units = _located(system, fold, box or {}, sizes)
     m, n = len(system.x), len(system.y)
     x, y = u[:m], u[m:]
     where = _shown(problem.point(u))
@@ -151,17 +160,20 @@ def fold_passage(
         _check_inside(problem.point(u), box, where)
     jacobian = problem.jacobian(u)
     g_x, g_y = jacobian[:, :m], jacobian[:, m:]
-    r, left = _null_vectors(g_y, problem, u, where)
+    X, Y = units[:m], units[m:]
+    r, left = _null_vectors(g_y, problem, u, Y, where)
+    # Their lengths in units.
+    length, weight = float(np.linalg.norm(r / Y)), float(np.linalg.norm(left * Y))
     second = problem.second(u)
     bending = np.einsum("ijk,j,k->i", second[:, m:, m:], r, r)
     slope = left @ g_x
-    if np.abs(slope).max() <= ZERO * np.linalg.norm(left) * (np.abs(g_x).max() or 1.0):
+    if np.abs(slope * X).max() <= ZERO * weight * (np.abs(g_x * X / Y[:, None]).max() or 1.0):
         raise PassageError(
             f"two branches of the critical manifold meet at {where}: l . g_x = 0.",
             "This is no fold. Use entry_exit along the branch that goes on.",
         )
     a = 0.5 * float(left @ bending)
-    size = np.linalg.norm(left) * np.abs(second[:, m:, m:]).max()
+    size = weight * length**2 * np.abs(second[:, m:, m:] * Y[:, None] * Y / Y[:, None, None]).max()
     if abs(a) <= ZERO * size or size == 0.0:
         raise PassageError(
             f"the fold at {where} is degenerate, a cusp: a = l . g_yy(r, r)/2 = {a:.3g}.",
@@ -169,7 +181,7 @@ def fold_passage(
         )
     f, along = _slow_rates(system, u, r)
     b, d = float(slope @ f), float(slope @ along)
-    if abs(b) <= ZERO * np.linalg.norm(slope) * max(np.linalg.norm(f), np.linalg.norm(along)):
+    if abs(b) <= ZERO * np.linalg.norm(slope * X) * max(map(np.linalg.norm, (f / X, along / X / length))):
         remedy = "canard_value" if m == 1 else "folded_singularities"
         raise PassageError(
             f"the slow flow does not cross the fold at {where}: b = l . g_x f = {b:.3g}, a "
@@ -212,13 +224,20 @@ def fold_passage(
         along=along,
         leading=leading,
         logarithmic=logarithmic,
-        drop=drop_from(system, x, y, r * np.sign(a), 0.5 * h, rate=abs(a), region=box),
+        drop=drop_from(
+            LayerFlow(system, x, powers_of_two(Y)), y, r * np.sign(a), 0.5 * h, rate=abs(a), region=box
+        ),
         region=box,
     )
 
 
-def _located(system: SlowFastSystem, fold: SpecialPoint | Point) -> tuple[LayerProblem, np.ndarray]:
-    """The layer problem over all slow variables, and the fold next to the given point, polished."""
+def _located(
+    system: SlowFastSystem,
+    fold: SpecialPoint | Point,
+    box: Mapping[str, Interval],
+    sizes: Sequence[float] | None,
+) -> tuple[LayerProblem, np.ndarray, np.ndarray]:
+    """The layer problem over all slow variables, the fold next to the given point, polished, and the states' sizes."""
     given = dict(fold.point) if isinstance(fold, SpecialPoint) else values_by_name(fold, what="fold")
     parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
     for symbol, value in parameters.items():
@@ -231,11 +250,11 @@ def _located(system: SlowFastSystem, fold: SpecialPoint | Point) -> tuple[LayerP
             )
     u = np.array(complete(given, system.states, what="fold"))
     problem = LayerProblem(system, system.x, parameters)
-    scales = 1.0 + np.abs(u)
+    scales = natural_scales(problem, u, box) if sizes is None else np.array(sizes)
     where = _shown(problem.point(u))
     found = None
     try:
-        near = singular_near(problem, identity, u)
+        near = singular_near(problem, identity, u, scales)
         found = least_norm_newton(near, u, scales, 1e-13)
     except np.linalg.LinAlgError:
         pass
@@ -246,23 +265,23 @@ def _located(system: SlowFastSystem, fold: SpecialPoint | Point) -> tuple[LayerP
             f"there is no fold at {where}: g = {g}, fast eigenvalues {values}.",
             "Take a point of continue_critical(system, start=...).special.",
         )
-    return problem, found
+    return problem, found, scales
 
 
 def _null_vectors(
-    g_y: np.ndarray, problem: LayerProblem, u: np.ndarray, where: str
+    g_y: np.ndarray, problem: LayerProblem, u: np.ndarray, scales: np.ndarray, where: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """r and l with |r| = 1, its largest component positive, l . r = 1; raises `PassageError` at double zeros."""
-    left, sizes, right = np.linalg.svd(g_y)
-    r, unit = right[-1], left[:, -1]
-    r = r * np.sign(r[np.argmax(np.abs(r))])
-    product = float(unit @ r)
+    sizes = np.linalg.svd(g_y * scales / scales[:, None], compute_uv=False)
+    r, left = fold_vectors(problem, u, scales)
+    product = float(left @ r)
     if len(sizes) > 1 and (sizes[-2] <= ZERO * sizes[0] or abs(product) < 1e-6):
         values = np.array2string(problem.eigenvalues(u[None, :])[0], precision=4)
         raise PassageError(
             f"more than one fast eigenvalue vanishes at {where}: {values}.", "A fold passage has exactly one."
         )
-    return r, unit / product
+    length = float(np.linalg.norm(r)) * np.sign(r[np.argmax(np.abs(r))])
+    return r / length, left / product * length
 
 
 def _slow_rates(system: SlowFastSystem, u: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -277,7 +296,8 @@ def _slow_rates(system: SlowFastSystem, u: np.ndarray, r: np.ndarray) -> tuple[n
 
 def _check_inside(point: Mapping[str, float], box: Mapping[str, Interval], where: str) -> None:
     for name, (low, high) in box.items():
-        margin = EDGE * (high - low)
+        # A fold counts as on the region's edge within this share of its width.
+        margin = 1e-6 * (high - low)
         if not low - margin <= point[name] <= high + margin:
             raise PassageError(
                 f"the fold at {where} lies outside the region: {name} in ({low:g}, {high:g}).", "Enlarge it."

@@ -165,10 +165,13 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     second = problem.second(z)[:, m:, m:]
     bending = np.einsum("ijk,j,k->i", second, r, r)
     size = float(np.linalg.norm(l))
-    q = _settled(0.5 * float(l @ bending), size * float(np.abs(second).max()))
+    path = np.vstack([panel.z for panel in orbit.panels])
+    third = problem.third(z)
+    # At the loss, or all along the branch, second derivatives may be rounding; third ones say of which size.
+    bent = np.abs(third.values).max(initial=0.0) * np.abs(path[:, m:]).max()
+    q = _settled(0.5 * float(l @ bending), size * float(max(bent, np.abs(second).max())))
     g_y = orbit.fast_jacobian(z)
     bordered = np.block([[g_y, r[:, None]], [l[None, :], np.zeros((1, 1))]])
-    third = problem.third(z)
     h = np.linalg.lstsq(bordered, np.append(2.0 * q * r - bending, 0.0), rcond=None)[0][:n]
     cubic = third(r, r, r) / 6.0 + 0.5 * np.einsum("ijk,j,k->i", second, r, h)
     p = _settled(
@@ -178,7 +181,6 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     first = orbit.equations.compiled(rates)
     moved = orbit.velocity(z)[m:]
     # What rho is made of along the orbit so far: at the loss alone all of it may be small.
-    path = np.vstack([panel.z for panel in orbit.panels])
     typical = np.abs(first(path)).max() + max(np.abs(orbit.velocity(point)[m:]).max() for point in path[::8])
     rho = _settled(float(l @ (first(z[None, :])[0] - moved)), size * float(typical))
     result = {"q": q, "p": p, "rho": rho}

@@ -19,7 +19,7 @@ from gsp.critical.branch import Branch
 from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, tail
 from gsp.integration.methods import Method
-from gsp.integration.trajectory import trajectory_of
+from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
@@ -28,12 +28,8 @@ from gsp.systems.system import VectorField
 
 # A panel is resolved when its last Chebyshev coefficients are this small, relative to 1 + the largest value on it.
 RESOLVED = 2e-14
-# Panels are halved so often where a rightmost real part has a kink: 2^-24 of a panel, whose square is rounding.
-CUTS = 24
 # The first panel in units of (1 + |x|)/|f|, and the factor by which panels grow.
 FIRST, GROWTH = 0.05, 1.5
-# Panels this much shorter than the first one run into the end of the branch.
-SHORTEST = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +138,8 @@ class SlowOrbit:
     def advance(self) -> Panel:
         """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""
         nodes = chebyshev()[0]
-        while self._length >= SHORTEST * self._first:
+        # Panels this much shorter than the first one run into the end of the branch.
+        while self._length >= 1e-5 * self._first:
             times = self.end + 0.5 * self._length * (nodes + 1.0)
             z = self._sampled(times)
             if z is not None:
@@ -170,8 +167,7 @@ class SlowOrbit:
             rtol=1e-14,
             atol=1e-16 * (1.0 + float(np.abs(state).max())),
             at=times,
-            method=Method.DOP853,
-            max_steps=2000,
+            options=RunOptions(method=Method.DOP853, max_steps=2000),
         )
         if run.status is not Status.SUCCESS:
             return None
@@ -219,7 +215,9 @@ class SlowOrbit:
 
     def pieces(self, panel: Panel) -> list[ResolvedPanel]:
         """The rightmost eigenvalue over a panel, cut where its real part has kinks."""
-        return self._resolve(panel, float(panel.t[0]), float(panel.t[-1]), CUTS)
+        # Panels are halved so often where a rightmost real part has a kink: 2^-24 of a panel, whose square is
+        # rounding.
+        return self._resolve(panel, float(panel.t[0]), float(panel.t[-1]), 24)
 
     def _resolve(self, panel: Panel, first: float, last: float, depth: int) -> list[ResolvedPanel]:
         nodes, _, S = chebyshev()

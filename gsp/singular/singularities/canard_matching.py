@@ -27,8 +27,6 @@ from gsp.systems.arguments import check_each, check_noun, check_number, check_wh
 from gsp.systems.declaration import exact
 from gsp.systems.flow import check_epsilon
 
-# Steps of one orbit at most.
-STEP_LIMIT = 20000
 # Steps of the secant method at most.
 SECANT_LIMIT = 30
 
@@ -153,7 +151,8 @@ class _Shooting:
         state = {x: start[x], y: start[y]}
         target = self.fold[y]
         side = state[y] > target
-        for _ in range(STEP_LIMIT):
+        # Steps of one orbit at most.
+        for _ in range(20000):
             series = self._series(state, a)
             # Where the last two terms fall to the tolerance; they are of about equal size there.
             sizes = [
@@ -199,8 +198,8 @@ class _Shooting:
 class _Critical:
     """M0 as a graph over y, by Newton's method in x along a ladder of y."""
 
-    def __init__(self, field: PlanarField, ring: TaylorRing, rungs: int = 64) -> None:
-        self.field, self.ring, self.rungs = field, ring, rungs
+    def __init__(self, field: PlanarField, ring: TaylorRing) -> None:
+        self.field, self.ring, self.rungs = field, ring, 64
         x, y, a = field.symbols
         self.inputs: dict[sp.Symbol, list[Taylor]] = {x: [ring.zero], y: [ring.zero], a: [ring.zero]}
         program = program_of(ring, field.epsilon, self.inputs)

@@ -22,8 +22,8 @@ import sympy as sp
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent, vanishes
+from gsp.algebra.switching_functions import switches
 from gsp.errors import DeclarationError, GspError
-from gsp.hyperbolicity.losses.switching import switches
 from gsp.singular.singularities.canard_series import PlanarField
 from gsp.singular.singularities.fold_starts import fold_starts
 from gsp.singular.singularities.located_points import Located, locate

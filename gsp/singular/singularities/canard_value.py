@@ -27,8 +27,6 @@ from gsp.systems.declaration import exact
 from gsp.systems.flow import Point, check_epsilon
 from gsp.systems.system import SlowFastSystem
 
-# Orders past this are refused: by then the rational coefficients have thousands of digits.
-ORDER_LIMIT = 320
 # Orders that `value` sums at most; the next doubling takes half a minute.
 SUM_LIMIT = 128
 # Over this many orders in a row the terms must stay below the tolerance; some systems have every other one zero.
@@ -143,7 +141,8 @@ def canard_value(
     (1, -1/8, -3/32, -173/1024, -7593/16384)
     """
     field = planar_field(system, parameter)
-    check_whole(order, what="order", most=ORDER_LIMIT)
+    # Orders past this are refused: by then the rational coefficients have thousands of digits.
+    check_whole(order, what="order", most=320)
     chosen, others = canard_point(field, declared=sp.Rational(system.parameters[field.a]), near=near)
     algebraic = chosen.located.exact
     answer = None

@@ -18,8 +18,8 @@ import sympy as sp
 
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.switching_functions import switches
 from gsp.critical.sampling import grid
-from gsp.hyperbolicity.losses.switching import switches
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.singular.singularities.desingularised import Desingularised, FoldedError, desingularise
@@ -27,9 +27,6 @@ from gsp.singular.singularities.located_points import Located, locate
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval, check_region
 from gsp.systems.system import SlowFastSystem
-
-# Starts of Newton's method at most, for equations that are not rational.
-START_LIMIT = 1500
 
 
 class FoldedKind(StrEnum):
@@ -134,7 +131,9 @@ def folded_singularities(
         )
     equations = (flow.g, flow.fold, flow.q)
     try:
-        points = locate(equations, system.states, starts=_starts(flow, region, names))
+        sides = [box.get(name, (0.0, 1.0)) for name in names]
+        units = np.array([high - low for low, high in sides])
+        points = locate(equations, system.states, starts=_starts(flow, region, names), units=units)
     except InfinitelyManyPoints:
         raise FoldedError(
             f"the folded singularities are not isolated: g = g_{flow.y} = g_x f = 0 along a curve.",
@@ -193,13 +192,14 @@ def _starts(
     values = np.abs(compiled(samples, [0.0]))
     scale = np.nanmedian(np.where(np.isfinite(values), values, np.nan), axis=0)
     size = np.where(np.isfinite(values), values, np.inf) / np.where(scale > 0.0, scale, 1.0)
-    yield from samples[np.argsort(size.sum(axis=1))[:START_LIMIT]]
+    # Starts of Newton's method at most, for equations that are not rational.
+    yield from samples[np.argsort(size.sum(axis=1))[:1500]]
 
 
 def _inside(point: Located, box: Mapping[str, Interval]) -> bool:
     values = {symbol.name: value for symbol, value in point.numbers().items()}
     return all(
-        low - 1e-12 * (1 + abs(low)) <= values[name] <= high + 1e-12 * (1 + abs(high))
+        low - 1e-12 * (high - low) <= values[name] <= high + 1e-12 * (high - low)
         for name, (low, high) in box.items()
     )
 

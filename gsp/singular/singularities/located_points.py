@@ -19,11 +19,11 @@ DIGITS = 60
 ZERO = sp.Float("1e-30", 30)
 # A Newton step that stays larger than this, relative to the point, leads to no point.
 NOT_A_POINT = sp.Float("1e-8", 20)
+# Points nearer than this, relative to 1 + their size in units, are one.
+SAME = 1e-6
 # Within so many steps Newton's method halves its step towards any root of multiplicity m up to 12, ((m - 1)/m)^8 < 1/2.
 # One of a higher multiplicity is further off than NOT_A_POINT after all 40 of them, as a root at infinity is.
 HALVED_WITHIN = 8
-# Larger denominators are not taken for exact values of numerical roots.
-DENOMINATOR_LIMIT = 10**6
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +88,11 @@ def locate(
     unknowns: Sequence[sp.Symbol],
     *,
     starts: Iterable[Sequence[float] | np.ndarray],
+    units: np.ndarray | None = None,
 ) -> list[Located]:
     """Every real solution of rational equations; of others, those that Newton's method reaches from `starts`.
+
+    Lengths are in `units`, one for each unknown, and values in what a unit changes in each equation.
 
     Raises `InfinitelyManyPoints` when rational equations have solutions that are not isolated.
     """
@@ -104,33 +107,37 @@ def locate(
         values = compiled(u[None, :], [0.0])[0]
         return values[:count], values[count:].reshape(count, len(unknowns))
 
+    scales = np.ones(len(unknowns)) if units is None else units
     found: list[np.ndarray] = []
-    for start in starts:
-        u = gauss_newton(evaluate, np.array(start, dtype=float))
-        if u is None or any(np.abs(u - v).max() < 1e-6 * (1.0 + np.abs(u).max()) for v in found):
+    for start in np.array(list(starts), dtype=float):
+        value, slope = evaluate(start)
+        sizes = 1.0 if units is None else np.abs(value) + np.abs(slope * scales).max(axis=1)
+        u = gauss_newton(evaluate, start, scales=scales, sizes=sizes)
+        length = 1.0 if u is None else 1.0 + np.linalg.norm(u / scales)
+        if u is None or any(np.abs((u - v) / scales).max() < SAME * length for v in found):
             continue
         value, slope = evaluate(u)
         # Roots at infinity: the residual is small, but the next step is not.
-        if np.linalg.norm(np.linalg.lstsq(slope, value, rcond=None)[0]) < 1e-3 * (1.0 + np.linalg.norm(u)):
+        if np.linalg.norm(np.linalg.lstsq(slope * scales, value, rcond=None)[0]) < 1e-3 * length:
             found.append(u)
     located: list[Located] = []
     for u in found:
         rough = {s: sp.Float(float(v), 30) for s, v in zip(unknowns, u)}
-        near, step = polish(equations, unknowns, rough, digits=DIGITS)
+        near, step = polish(equations, unknowns, rough, digits=DIGITS, units=scales)
         if step > NOT_A_POINT:
             continue
         point = Located(
             equations, unknowns, _recognised(equations, near, step), near, sp.Max(ZERO, sp.sqrt(step))
         )
         # Roots that are approached linearly arrive here several times.
-        if not any(_same(point, other) for other in located):
+        if not any(_same(point, other, scales) for other in located):
             located.append(point)
     return sorted(located, key=lambda point: tuple(point.numbers().values()))
 
 
-def _same(a: Located, b: Located) -> bool:
-    first, second = a.numbers(), b.numbers()
-    return all(abs(first[s] - second[s]) < 1e-6 * (1.0 + abs(first[s])) for s in a.unknowns)
+def _same(a: Located, b: Located, units: np.ndarray) -> bool:
+    first, second = (np.array([of.numbers()[s] for s in a.unknowns]) / units for of in (a, b))
+    return bool((np.abs(first - second) < SAME * (1.0 + np.abs(first))).all())
 
 
 def polish(
@@ -139,8 +146,10 @@ def polish(
     near: Mapping[sp.Symbol, sp.Expr],
     *,
     digits: int,
+    units: Sequence[float] | np.ndarray | None = None,
 ) -> tuple[dict[sp.Symbol, sp.Float], sp.Float]:
-    """Newton's method from `near` to `digits` digits, in at most 40 steps; with the relative size of the last one.
+    """Newton's method from `near` to `digits` digits, in at most 40 steps; with the relative size of the last one, in
+    `units`.
 
     Multiple roots are approached linearly, and roots at infinity by steps that do not shrink, at which it ends early.
     """
@@ -148,6 +157,7 @@ def polish(
     slopes = jacobian(equations, unknowns)
     u = {s: sp.Float(near[s], digits + 10) for s in unknowns}
     size = sp.Float(1, 20)
+    scales = [sp.Float(float(unit), 20) for unit in (units if units is not None else [1.0] * len(unknowns))]
     lengths: list[sp.Float] = []
     for _ in range(40):
         value = matrix.xreplace(u).evalf(digits + 10)
@@ -161,8 +171,8 @@ def polish(
         if not all(entry.is_finite for entry in step):
             return u, sp.Float(1, 20)
         u = {s: sp.Float(u[s] - step[i], digits + 10) for i, s in enumerate(unknowns)}
-        lengths.append(max(abs(entry) for entry in step))
-        size = sp.Float(lengths[-1] / (1 + max(abs(v) for v in u.values())), 20)
+        lengths.append(max(abs(entry) / unit for entry, unit in zip(step, scales)))
+        size = sp.Float(lengths[-1] / (1 + max(abs(v) / unit for v, unit in zip(u.values(), scales))), 20)
         stays = len(lengths) > HALVED_WITHIN and 2 * lengths[-1] > lengths[-1 - HALVED_WITHIN]
         if size < sp.Float(10, 20) ** (3 - digits) or (stays and size > NOT_A_POINT):
             break
@@ -176,7 +186,8 @@ def _recognised(
     tolerance = sp.Max(sp.Float("1e-40", 20), 100 * step)
     values = {}
     for symbol, value in near.items():
-        guess = sp.Rational(sp.sstr(value, full_prec=True)).limit_denominator(DENOMINATOR_LIMIT)
+        # Larger denominators are not taken for exact values of numerical roots.
+        guess = sp.Rational(sp.sstr(value, full_prec=True)).limit_denominator(10**6)
         if tolerance > sp.Float("1e-30", 20):
             guess = sp.Rational(sp.sstr(value, full_prec=True)).limit_denominator(1000)
         if abs(guess - value) > tolerance:

@@ -12,7 +12,7 @@ from llvmlite import ir
 from gsp.errors import GspError, Status
 from gsp.integration.methods import SOLVERS, Method, choose_method
 from gsp.integration.trajectory import integrate
-from gsp.kernels import ledger
+from gsp.kernels import integrator
 from gsp.kernels.compilation import address_of
 from gsp.kernels.engine import LONGEST_SCHEDULED, build, effort
 from gsp.kernels.radau import radau
@@ -134,14 +134,14 @@ def test_a_step_written_for_a_flow_is_that_of_the_loops(n, density):
         np.array([compiled.field, compiled.jacobian, 0, address_of(*COLLOCATION_LOOPS), 0]),
     ):
         y, rate = start.copy(), compiled.rates(start, p)
-        memory, counters = np.zeros(memory_size(5, n)), np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
-        memory[ledger.STEP] = 0.02
+        memory, counters = np.zeros(memory_size(5, n)), np.zeros(integrator.COUNTERS_SIZE, dtype=np.int64)
+        memory[integrator.STEP] = 0.02
         times, states = np.empty(1), np.empty((1, n))
         dense = np.empty((1, 5, n))
         code = radau(
             program, p, np.array([1.0]), 1e-3, 1e-3, 100, y, rate, memory, counters, times, states, dense
         )
-        assert code == ledger.RECORD_FULL
+        assert code == integrator.RECORD_FULL
         records.append((times, states, dense, rate))
     for one, other in zip(*records):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12)

@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from gsp.kernels.compilation import inlined_kernel
 
 
-def _borrowed(typing_context, array):
+def _uncounted(typing_context, array):
     def generate(context, builder, signature, arguments):
         result = context.make_array(array)(context, builder, arguments[0])
         # What has no owner is not counted.
@@ -25,14 +25,14 @@ def _borrowed(typing_context, array):
     return array(array), generate
 
 
-# Typed as Any because kernels see borrowed(array), without the typing context. Never an array made in compiled code,
+# Typed as Any because kernels see uncounted(array), without the typing context. Never an array made in compiled code,
 # which would be freed behind its last use by its own name.
-borrowed: Any = intrinsic(_borrowed)
+uncounted: Any = intrinsic(_uncounted)
 """The same array, without its owner."""
 
 
 @inlined_kernel
-def borrowed_record(record):
-    """The (times, states, dense) of a record, each borrowed."""
+def uncounted_record(record):
+    """The (times, states, dense) of a record, each uncounted."""
     times, states, dense = record
-    return borrowed(times), borrowed(states), borrowed(dense)
+    return uncounted(times), uncounted(states), uncounted(dense)

@@ -1,0 +1,45 @@
+"""Functions of which the zeros are where expressions are not smooth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from gsp.algebra.functions import NON_SMOOTH
+
+
+@dataclass(frozen=True)
+class SwitchingFunction:
+    """A non-smooth function `source` of the field, not smooth where `surface` = 0."""
+
+    surface: sp.Expr
+    source: str
+
+
+def switches(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> tuple[SwitchingFunction, ...]:
+    """The switching functions of `expressions` that depend on `variables`, each once up to its sign."""
+    found: dict[sp.Expr, SwitchingFunction] = {}
+    for expression in expressions:
+        for atom in sorted(expression.atoms(*NON_SMOOTH, sp.Pow), key=sp.default_sort_key):
+            for surface in _surfaces(atom):
+                if surface.has(*variables) and surface not in found and -surface not in found:
+                    found[surface] = SwitchingFunction(surface, str(atom))
+    return tuple(found.values())
+
+
+def _surfaces(atom: sp.Expr) -> list[sp.Expr]:
+    if isinstance(atom, sp.Pow):
+        # An exponential is never 0.
+        rough = atom.exp.is_number and not atom.exp.is_integer and not isinstance(atom.base, sp.exp)
+        return [atom.base] if rough else []
+    if isinstance(atom, (sp.Max, sp.Min)):
+        arguments = atom.args
+        return [a - b for i, a in enumerate(arguments) for b in arguments[:i]]
+    if isinstance(atom, sp.Piecewise):
+        relations = set().union(*(condition.atoms(sp.core.relational.Relational) for _, condition in atom.args))
+        return [r.lhs - r.rhs for r in sorted(relations, key=sp.default_sort_key)]
+    if isinstance(atom, (sp.floor, sp.ceiling)):
+        return [sp.sin(sp.pi * atom.args[0])]
+    return [atom.args[0]]

@@ -1,0 +1,54 @@
+"""The command about fast phases: `gsp average`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gsp.cli.asking import asks, json_option, output_option
+from gsp.cli.program import cli
+from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, wrote
+from gsp.results.files import write_file
+
+if TYPE_CHECKING:
+    from gsp.scenes.scene import Scene
+
+
+@cli.command()
+@asks("set", "epsilon", "region", "small", "start")
+@click.option("--phase", metavar="NAME", help="The state that turns [the model's].")
+@click.option("--pair", metavar="NAME,NAME", help="Two states that turn about one another [the model's].")
+@click.option("--order", type=int, default=3, show_default=True, help="Highest power of the small parameter.")
+@output_option("Draw a slow variable, averaged and not, to this file: .png, .svg or .pdf.")
+@json_option
+def average(
+    scene: Scene, phase: str | None, pair: str | None, order: int, output: Path | None, as_json: bool
+) -> None:
+    """Average MODEL over its fast phase.
+
+    The averaged field, the rate of the phase and the transformation to averaged variables, exactly, and the measured
+    powers of the small parameter with which the error falls.
+    """
+    from gsp import charts
+    from gsp.averaging.averaging import average as averaged
+    from gsp.comparison.averaged import compare_averaged
+
+    if output is not None:
+        charts.check_chart_name(output)
+    two = None if pair is None else [name.strip() for name in pair.split(",")]
+    found = averaged(scene, phase=phase, pair=two, order=order)
+    with progress_bar("runs") as show:
+        measured = compare_averaged(found, progress=show)
+    check_interrupt()
+    if output is not None:
+        write_file(charts.drawn(charts.draw(found), output.suffix[1:].lower()), output)
+        wrote(output)
+    if as_json:
+        print_json({"name": scene.name, **found.as_dict(), "comparison": measured.as_json()})
+        return
+    tell(found)
+    tell(f"\n{measured}")
+    if output is not None:
+        click.echo(f"chart: {output}")

@@ -1,0 +1,37 @@
+"""A proof about a passage as a file: what `passage_checker` reads, every number a hexadecimal double."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gsp.cycles.cycle_file import accepted, plain_delay, plain_field, plain_strip
+from gsp.proofs import passage_checker
+from gsp.systems.system import SlowFastSystem
+
+if TYPE_CHECKING:
+    from gsp.cycles.passage_certificate import PassageCertificate, ProvedStrip
+
+
+def plain(certificate: PassageCertificate) -> dict:
+    """The proof as plain values; raises `GspError` when the checker does not follow it."""
+    strip, delay, system = certificate.strip, certificate.delay, certificate.system
+    if strip is not None:
+        return _with_strip(system, strip)
+    assert delay is not None
+    rates = plain_field(system, certificate.sheet_rates)
+    found = {"format": passage_checker.FORMAT, "origin": ["0", "0"], **rates}
+    row = accepted(
+        lambda _, room: plain_delay(delay, rates["rates"], room),
+        lambda row: passage_checker.check(found | {"delay": row}),
+    )
+    return found | {"delay": row}
+
+
+def _with_strip(system: SlowFastSystem, one: ProvedStrip) -> dict:
+    origin = [str(v) for v in one.origin]
+    found = {"format": passage_checker.FORMAT, "origin": origin, **plain_field(system, one.rates)}
+    row = accepted(
+        lambda finer, room: plain_strip(one.strip, one.turn, one.epsilon, finer * one.fineness, room),
+        lambda row: passage_checker.check(found | {"strip": row}),
+    )
+    return found | {"strip": row}

@@ -1,0 +1,166 @@
+"""Candidates where no parameter is small: which part of a field may be fast, as N f with constant N.
+
+Each becomes the field N f/epsilon + (F - N f), which is F itself at epsilon = 1. Species in quasi-steady state have
+unit vectors for N; a reaction in partial equilibrium has its stoichiometry; a total quasi-steady state has the whole
+rate of a complex along the stoichiometry of its binding, so that totals are slow (Borghans, de Boer and Segel 1996).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from gsp.scenes.small_parameter import unused_epsilon
+from gsp.systems.system import VectorField
+
+# Sets of up to so many states are tried, while there are no more than so many.
+LARGEST_SET, MOST = 3, 64
+
+Stoichiometry = Mapping[sp.Symbol, sp.Rational]
+
+
+@dataclass(frozen=True)
+class FastPart:
+    """N f of a field: `directions` are the columns of N by state, `rates` the components of f; `name` says which."""
+
+    name: str
+    directions: tuple[Stoichiometry, ...]
+    rates: tuple[sp.Expr, ...]
+
+    @property
+    def count(self) -> int:
+        """How many fast directions there are."""
+        return len(self.directions)
+
+    @property
+    def states(self) -> tuple[sp.Symbol, ...] | None:
+        """The states that are fast by themselves; None where a combination of states is."""
+        single = [next(iter(d)) for d in self.directions if len(d) == 1]
+        return tuple(single) if len(single) == len(self.directions) else None
+
+    def field(self, original: VectorField) -> VectorField:
+        """N f/epsilon + (F - N f)."""
+        epsilon = unused_epsilon(original)
+        factor = 1 / epsilon - 1
+        rates = dict(original.equations)
+        for direction, rate in zip(self.directions, self.rates):
+            for state, number in direction.items():
+                whole = rates[state]
+                # The whole rate is divided as it stands.
+                rates[state] = whole / epsilon if number * rate == whole else whole + factor * number * rate
+        return VectorField(
+            rates,
+            epsilon=epsilon,
+            parameters=original.parameters,
+            name=original.name,
+            observables=original.observables,
+        )
+
+
+def fast_parts(field: VectorField) -> list[FastPart]:
+    """The candidates of a field, quasi-steady states of few species first."""
+    groups = _reactions(field)
+    complexes, bound = _bound(field, groups)
+    found: list[FastPart] = []
+    states = field.states
+    for size in range(1, min(LARGEST_SET, len(states) - 1) + 1):
+        sets = list(itertools.combinations(states, size))
+        if len(found) + len(sets) > MOST:
+            break
+        for chosen in sets:
+            kind = "standard " if set(chosen) <= complexes else "reverse " if set(chosen) <= bound else ""
+            names = ", ".join(s.name for s in chosen)
+            unit = tuple({s: sp.Integer(1)} for s in chosen)
+            found.append(
+                FastPart(f"{kind}quasi-steady state of {names}", unit, tuple(map(field.equations.get, chosen)))
+            )  # pyright: ignore[reportArgumentType]
+    reversible = {d: rate for d, rate in groups.items() if len(d) > 1 and _is_reversible(rate)}
+    for several in _together(tuple(reversible)):
+        told = " and ".join(map(_told, several))
+        rates = tuple(reversible[d] for d in several)
+        found.append(FastPart(f"partial equilibria of {told}", tuple(map(dict, several)), rates))
+    for direction, rate in reversible.items():
+        told = _told(direction)
+        found.append(FastPart(f"partial equilibrium of {told}", (dict(direction),), (rate,)))
+        for state, number in direction:
+            if state in complexes:
+                along = {s: n / number for s, n in direction}
+                name = f"total quasi-steady state of {state.name} in {told}"
+                found.append(FastPart(name, (along,), (field.equations[state],)))
+    return found[:MOST]
+
+
+def _reactions(field: VectorField) -> dict[tuple[tuple[sp.Symbol, sp.Rational], ...], sp.Expr]:
+    """Terms of the rates by what they change: {stoichiometry: rate}, where the same term stands in several rates."""
+    changes: dict[sp.Expr, dict[sp.Symbol, sp.Rational]] = {}
+    for state, rate in field.equations.items():
+        for term in sp.Add.make_args(sp.expand(rate)):
+            number, rest = term.as_coeff_Mul()
+            if number.is_Rational and number != 0:
+                changes.setdefault(rest, {})[state] = number
+    groups: dict[tuple, sp.Expr] = {}
+    for rest, change in changes.items():
+        first = abs(next(iter(change.values())))
+        direction = tuple((s, n / first) for s, n in change.items())
+        opposite = tuple((s, -n) for s, n in direction)
+        sign = -1 if opposite in groups else 1
+        key = opposite if sign == -1 else direction
+        groups[key] = groups.get(key, sp.Integer(0)) + sign * first * rest
+    return groups
+
+
+def _is_reversible(rate: sp.Expr) -> bool:
+    signs = {term.as_coeff_Mul()[0].is_positive for term in sp.Add.make_args(rate)}
+    return signs == {True, False}
+
+
+def _bound(field: VectorField, groups: Mapping[tuple, sp.Expr]) -> tuple[set[sp.Symbol], set[sp.Symbol]]:
+    """(complexes, what they are made of): products and reactants of bindings, which are the bilinear terms.
+
+    Where the free enzyme is written as its total less the complex, the bilinear term unbinds: it takes the complex.
+    """
+    complexes: set[sp.Symbol] = set()
+    parts: set[sp.Symbol] = set()
+    for direction, rate in groups.items():
+        if len(direction) < 2 or not _is_reversible(rate):
+            continue
+        change = dict(direction)
+        for term in sp.Add.make_args(rate):
+            among = [s for s in field.states if term.has(s)]
+            if len(among) != 2:
+                continue
+            number, _ = term.as_coeff_Mul()
+            moved = {s: n * (1 if number > 0 else -1) for s, n in change.items()}
+            losing = [s for s in among if moved.get(s, 0) < 0]
+            if len(losing) == 2:
+                complexes |= {s for s, n in moved.items() if n > 0}
+                parts |= set(losing)
+            elif len(losing) == 1:
+                complexes |= set(losing)
+                parts |= {s for s, n in moved.items() if n > 0}
+    return complexes, parts - complexes
+
+
+def _together(directions: tuple) -> list[tuple]:
+    """Pairs of reactions, and all of them, where these are independent."""
+    sets = [*itertools.combinations(directions, 2), *([directions] if len(directions) > 2 else [])]
+    found = []
+    for chosen in sets:
+        states = list(dict.fromkeys(s for d in chosen for s, _ in d))
+        matrix = sp.Matrix([[dict(d).get(s, 0) for s in states] for d in chosen])
+        if matrix.rank() == len(chosen):
+            found.append(chosen)
+    return found
+
+
+def _told(direction: tuple[tuple[sp.Symbol, sp.Rational], ...]) -> str:
+    def side(sign: int) -> str:
+        return (
+            " + ".join((s.name if abs(n) == 1 else f"{abs(n)} {s.name}") for s, n in direction if n * sign > 0)
+            or "0"
+        )
+
+    return f"{side(-1)} <-> {side(1)}"

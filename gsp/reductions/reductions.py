@@ -1,0 +1,419 @@
+"""`Reductions`: what of a scene without a small parameter may be left out, each candidate measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsp.algebra.laurent import misplaced_epsilon, pole_order
+from gsp.choice.candidates import GRID_POINTS, INTEGRATION, Candidate, Trial, full_candidate, run_model
+from gsp.choice.choice import Choice, choose
+from gsp.choice.costs import Cost, cost_beside, timed
+from gsp.choice.forecast import LAYER_LEFT
+from gsp.choice.prediction import Failure
+from gsp.choice.verdict import seconds_shown
+from gsp.errors import GspError
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.reductions.fast_directions import fast_directions
+from gsp.reductions.fast_parts import FastPart, fast_parts
+from gsp.reductions.screening import defect
+from gsp.reductions.special_parts import SpecialPart, special_parts, with_errors
+from gsp.results.card import Card
+from gsp.scales.small_parameter import SmallParameter
+from gsp.scales.time_scales import TimeScales, time_scales
+from gsp.scenes.scene import Scene
+from gsp.scenes.small_parameter import take_fast, take_small, with_bookkeeping, without_small
+from gsp.scenes.study import Study
+from gsp.scenes.tolerances import absolute_tolerance
+from gsp.systems.arguments import check_noun, check_progress
+from gsp.systems.region import Interval
+from gsp.systems.system import VectorField
+
+# Orders of the reduced flows that are measured, those of `choose`: the reduction, and its corrections.
+ORDERS = (0, 1, 2, 3)
+# The error of order 0 is about the ratio of the time scales: above a tenth that is not small.
+LARGEST = 0.1
+# Runs that are compared: far finer than any tolerance.
+RTOL = 1e-10
+# Candidates that are measured: those that the run stays nearest to.
+MEASURED = 6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reduction(Card):
+    """One candidate, measured: `scene` has its small parameter, `error` is that of the reduced flow of `order`.
+
+    The error is the largest of a slow variable over `measured`, the span behind the initial layer, relative to the
+    largest value of the variable, of the reduced flow from the base point of the start, against the full run from the
+    start. `seconds` are those of a run, and `full_seconds` of one of the full system, measured together. `why_not` says
+    why it does not serve.
+    """
+
+    name: str
+    scene: Scene
+    order: int
+    error: float
+    measured: Interval
+    full_seconds: float
+    candidate: Candidate
+    why_not: str
+
+    @property
+    def seconds(self) -> float:
+        """Those of a run over the span."""
+        return self.candidate.seconds
+
+    def as_dict(self) -> dict[str, object]:
+        """Its name, order, error, cost and why it does not serve, as plain values."""
+        return {
+            "name": self.name,
+            "order": self.order,
+            "error": self.error if np.isfinite(self.error) else None,
+            "seconds": self.seconds,
+            "full_seconds": self.full_seconds,
+            "why_not": self.why_not,
+        }
+
+    def __repr__(self) -> str:
+        return f"Reduction({self.name}, order {self.order}: error {self.error:.2g})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reductions(Card):
+    """What may be left out of a scene: the candidates measured, by error, and the one that is `recommended`.
+
+    `recommended` is the cheapest within the scene's tolerance, None where none serves: do not reduce. `nearest` is the
+    one of order 0 that is least in error, None where that is above a tenth: then nothing is separated, and nothing is
+    offered. `reason` says which, and why. `scales` are the time scales along the run, and `special` the special values
+    of its parameters with so many fast directions as are separated, found exactly, least in `error` first.
+    """
+
+    scene: Scene
+    scales: TimeScales
+    found: tuple[Reduction, ...]
+    recommended: Reduction | None
+    nearest: Reduction | None
+    special: tuple[SmallParameter, ...]
+    reason: str
+
+    @property
+    def near(self) -> list[tuple[SmallParameter, float]]:
+        """The special values with an error of a tenth at most, and that error."""
+        return [(e, e.error) for e in self.special if e.error is not None and e.error <= LARGEST]
+
+    @property
+    def taken(self) -> Reduction | None:
+        """What verbs that need a small parameter go on with."""
+        return self.recommended or self.nearest
+
+    def as_dict(self) -> dict[str, object]:
+        """The reason, what is recommended, and every candidate, as plain values."""
+        return {
+            "reason": self.reason,
+            "time_scales": self.scales.message,
+            "recommended": None if self.recommended is None else self.recommended.as_dict(),
+            "candidates": [each.as_dict() for each in self.found],
+            "special": [
+                {
+                    "vanishing": list(each.vanishing),
+                    "manifold": [str(e.lhs) for e in each.manifold],
+                    "error": each.error,
+                }
+                for each in self.special
+                if each.error is not None and np.isfinite(each.error)
+            ],
+        }
+
+    def __repr__(self) -> str:
+        name = self.scene.name or "scene"
+        return f"Reductions({name}: {len(self.found)} measured, {self.recommended or 'do not reduce'})"
+
+    def shown(self) -> Iterator[Reduction]:
+        """Of each candidate the reduction itself, and the lowest order that serves."""
+        lowest = {each.name: each for each in sorted(self.found, key=lambda r: -r.order) if not each.why_not}
+        for each in self.found:
+            if each.order == 0 or each is self.recommended or each is lowest.get(each.name):
+                yield each
+
+    def __str__(self) -> str:
+        lines = [self.reason]
+        if self.found:
+            width = max(len(each.name) for each in self.found)
+            lines.append(f"    {'what is fast':<{width}}  order     error       run  of the full system")
+        for each in self.shown():
+            mark = "->" if each is self.recommended else ""
+            share = each.seconds / each.full_seconds
+            lines.append(
+                f"  {mark:2}{each.name:<{width}}  {each.order:5d}  {_shown(each.error):>8}  "
+                f"{seconds_shown(each.seconds):>8}  {share:7.2f}  {each.why_not}".rstrip()
+            )
+        if self.near:
+            names = [SpecialPart(each).name for each, _ in self.near]
+            heading = "special values of parameters"
+            width = max(map(len, (heading, *names)))
+            lines.append(f"    {heading:<{width}}  order     error")
+            lines += [
+                f"    {name:<{width}}  {0:5d}  {_shown(error):>8}" for name, (_, error) in zip(names, self.near)
+            ]
+        return "\n".join(lines)
+
+
+def find_reductions(
+    scene: Scene, *, tolerance: float | None = None, progress: Callable[[float], object] | None = None
+) -> Reductions:
+    """What of a scene without a small parameter may be left out, measured at its own values over its own span.
+
+    Candidates are sets of states in quasi-steady state, reactions in partial equilibrium and total quasi-steady states,
+    and where none of these serves the linear coordinates of a fast subspace. A candidate has as many fast modes as fast
+    directions. It is looked at where these decay along the run, and the next mode is slower by so much that within its
+    time scale they are gone: slow manifolds are unique up to exp(-gap) only (Fenichel 1979), which has to be below
+    the share of the tolerance that is left to a layer. The `MEASURED` ones that the run from the start stays nearest to
+    are reduced, to orders 0 to 3, and compared with the full run. Beside them stand the special values of the
+    parameters (see `small_parameters`), each with its error; where no other candidate serves they are candidates too,
+    with the distance along the ray for a small parameter. The cheapest within the tolerance (default the scene's) is
+    recommended. `progress(share)` is called as candidates are measured.
+
+    >>> from gsp import models
+    >>> find_reductions(models.load("michaelis_menten"), tolerance=0.05).recommended       # doctest: +SKIP
+    Reduction(total quasi-steady state of c in c <-> s, order 0: error 0.0011)
+    """
+    check_noun(scene, Scene, verb="find_reductions")
+    check_progress(progress)
+    plain = without_small(scene)
+    if tolerance is not None:
+        plain = replace(plain, tolerance=tolerance)
+    run, field = _run(plain), _field(plain)
+    scales = time_scales(plain)
+    gaps = _gaps(scales)
+    found: dict[Reduction, Study] = {}
+
+    def measure(parts: Iterable[FastPart | SpecialPart]) -> None:
+        for i, part in enumerate(parts):
+            if progress is not None:
+                progress(i / MEASURED)
+            found.update(_measured(plain, part, gaps))
+
+    ranked = sorted(_screened(plain, run, gaps, fast_parts(field)), key=lambda pair: pair[0])
+    measure(part for _, part in ranked[:MEASURED])
+    if _nearest(found) is None:
+        # Nothing that has a name is separated: combinations of states may be.
+        unnamed = fast_directions(field, run.y[:, -1], 1.0 / LARGEST)
+        measure(part for _, part in _screened(plain, run, gaps, unnamed))
+    is_separated = gaps >= _needed(LARGEST)
+    special = with_errors(plain, run, special_parts(field, lambda count: bool(is_separated[count - 1])))
+    if all(each.why_not for each in found):
+        measure(SpecialPart(e) for e in special[:MEASURED] if e.error is not None and e.error <= LARGEST)
+    timed = _timed_together(plain, found)
+    timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))
+    recommended = _cheapest([each for each in timed if not each.why_not])
+    nearest = _nearest(timed)
+    return Reductions(
+        plain, scales, tuple(timed), recommended, nearest, special, _reason(plain, recommended, nearest, gaps)
+    )
+
+
+def _field(scene: Scene) -> VectorField:
+    """The field of a scene without a small parameter, which no system in slow and fast variables is."""
+    assert isinstance(scene.system, VectorField)
+    return scene.system
+
+
+def _run(scene: Scene) -> Trajectory:
+    atol = absolute_tolerance(RTOL, scene.region, scene.start)
+    return trajectory_of(scene.system, start=scene.start, span=scene.span, epsilon=None, rtol=RTOL, atol=atol)
+
+
+def _gaps(scales: TimeScales) -> np.ndarray:
+    """By how much (n - 1,) the r fastest modes are apart from the next, in the middle of the run; 0 where they grow.
+
+    A mode that is slower than the run is long counts as slow as that: what fades over the run is not fast in it.
+    """
+    length = scales.t[-1] - scales.t[0]
+    fastest, next_one = scales.times[:, :-1], np.minimum(scales.times[:, 1:], length)
+    with np.errstate(invalid="ignore"):
+        apart = np.where(np.real(scales.rates[:, :-1]) < 0.0, next_one / fastest, 0.0)
+    return np.median(apart, axis=0)
+
+
+def _needed(accuracy: float) -> float:
+    """The gap with which a fast mode falls below its share of the accuracy within the time scale of the next."""
+    return float(np.log(1.0 / (LAYER_LEFT * accuracy)))
+
+
+def _screened(
+    scene: Scene, run: Trajectory, gaps: np.ndarray, parts: Sequence[FastPart]
+) -> Iterator[tuple[float, FastPart]]:
+    """The candidates that are separated and attract along the run, with how near it stays to where they are at rest."""
+    times = np.linspace(float(run.t[0]), float(run.t[-1]), GRID_POINTS)
+    for part in parts:
+        if gaps[part.count - 1] < _needed(LARGEST):
+            continue
+        try:
+            far = defect(_field(scene), part, run, times)
+        except (GspError, np.linalg.LinAlgError):
+            continue
+        if np.isfinite(far):
+            yield far, part
+
+
+def _measured(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dict[Reduction, Study]:
+    """The candidate with its errors against the full run, an entry for each order, and the study that they come from.
+
+    None where it cannot be reduced.
+    """
+    try:
+        counted, shown = _scenes(scene, part)
+        study = Study(counted)
+        choice = choose(study, orders=ORDERS[:1], solve=False)
+        errors = _errors(study, choice)
+        if errors.get(0, float("nan")) <= LARGEST:
+            # Only where something is separated are corrections of use; elsewhere they may run for minutes.
+            choice = choose(study, orders=ORDERS, solve=False)
+            errors = _errors(study, choice)
+    except (GspError, NotImplementedError, np.linalg.LinAlgError):
+        return {}
+    full = choice.candidates[-1]
+    found = {}
+    for c in choice.candidates[:-1]:
+        if c.order is None or np.isnan(c.seconds):
+            continue
+        why_not = "" if _follows(c) else c.why_not
+        error = errors.get(c.order, float("nan"))
+        if not why_not and 0 not in errors:
+            why_not = "its run does not reach the end with as many steps as the full run calls its field"
+        if not why_not and not errors[0] <= LARGEST:
+            why_not = "to order 0 the error is more than a tenth: nothing is separated"
+        if not why_not and not error <= scene.tolerance:
+            why_not = "the error passes the tolerance"
+        gap = gaps[part.count - 1]
+        if not why_not and gap < _needed(scene.tolerance):
+            why_not = f"the tolerance needs time scales {_needed(scene.tolerance):.1f} times apart: {gap:.1f}"
+        reduction = Reduction(
+            name=part.name, scene=shown, order=c.order, error=error,
+            measured=(scene.span[0] + choice.layer, scene.span[1]),
+            full_seconds=full.seconds, candidate=c, why_not=why_not,
+        )  # fmt: skip
+        found[reduction] = study
+    return found
+
+
+def _timed_together(scene: Scene, found: Mapping[Reduction, Study]) -> list[Reduction]:
+    """The same, those that serve and the full system timed in turn: measured apart, their costs cannot be compared."""
+    serving = [each for each in found if not each.why_not]
+    if not serving:
+        return list(found)
+    rtol = INTEGRATION * scene.tolerance
+    layer = max(each.measured[0] - scene.span[0] for each in serving)
+    whole, _ = full_candidate(scene.system, scene.start, scene, layer, rtol)
+    *own, full = timed([*(_trial(each, found[each], rtol) for each in serving), whole])
+    costs = iter(own)
+    return [
+        each if each.why_not else replace(each, candidate=next(costs), full_seconds=full.seconds)
+        for each in found
+    ]
+
+
+def _trial(reduction: Reduction, study: Study, rtol: float) -> Trial:
+    """A run of the reduced flow over the span, to be timed; one is made here, so that its code is built."""
+    flow, start = study.reduced(reduction.order, reconstructed=False), study.base_point(reduction.order)
+
+    def again() -> Trajectory:
+        return run_model(flow, start, study.scene, study.scene.span, rtol)
+
+    again()
+    return Trial(reduction.candidate, (again,))
+
+
+def _follows(candidate: Candidate) -> bool:
+    """Whether the slow manifold attracts, and the rest follows it, to the end; a region found by a run is no limit."""
+    return candidate.valid or candidate.failure in (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
+
+
+def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
+    """The scene with a bookkeeping epsilon, and with a parameter in its place where one divides the fast rates."""
+    fast = part.states
+    if fast is None:
+        made = with_bookkeeping(scene, part.field(_field(scene)), ())
+        return made, made
+    made = take_fast(scene, variables=[s.name for s in fast])
+    rates = dict(zip(scene.system.states, scene.system.rates))
+    for parameter, value in sorted(scene.system.parameters.items(), key=lambda pair: pair[1]):
+        if value > 0 and all(
+            misplaced_epsilon(rate, parameter) is None and pole_order(rate, parameter) == (state in fast)
+            for state, rate in rates.items()
+        ):
+            return made, take_small(scene, parameter=parameter.name)
+    return made, made
+
+
+def _errors(study: Study, choice: Choice) -> dict[int, float]:
+    """The largest relative error of a slow variable behind the initial layer, by order.
+
+    Without those whose runs take more steps than the full run calls its field: reducing to them saves nothing.
+    """
+    scene, slow = study.scene, [s.name for s in study.system.x]
+    first, last = scene.span
+    if not choice.layer < last - first:
+        return {}
+    times = np.linspace(first + choice.layer, last, GRID_POINTS)
+    exact = run_model(study.system, study.start, scene, scene.span, RTOL, at=times)
+    if not exact.status.ok:
+        return {}
+    found = {}
+    for c in choice.candidates:
+        if c.order is None or (c.order and not _follows(c)):
+            continue
+        own = run_model(
+            study.reduced(c.order, reconstructed=False),
+            study.base_point(c.order),
+            scene,
+            scene.span,
+            RTOL,
+            at=times,
+            max_steps=exact.stats.field_calls,
+        )
+        if own.status.ok:
+            gaps = [np.abs(own[x] - exact[x]).max() / (np.abs(exact[x]).max() or 1.0) for x in slow]
+            found[c.order] = float(max(gaps))
+    return found
+
+
+def _nearest(found: Iterable[Reduction]) -> Reduction | None:
+    """The reduction of order 0 that is least in error, where that is small."""
+    errors = [each for each in found if each.order == 0 and each.error <= LARGEST and _follows(each.candidate)]
+    return min(errors, key=lambda each: each.error, default=None)
+
+
+def _cheapest(serving: Sequence[Reduction]) -> Reduction | None:
+    """The simplest of those that no other is clearly cheaper than."""
+    for each in sorted(serving, key=lambda r: (r.order, r.error)):
+        if not any(cost_beside(other.candidate, each.candidate) is Cost.LESS for other in serving):
+            return each
+    return None
+
+
+def _reason(scene: Scene, recommended: Reduction | None, nearest: Reduction | None, gaps: np.ndarray) -> str:
+    over = f"over t = {scene.span[0]:g} to {scene.span[1]:g}"
+    if recommended is not None:
+        return (
+            f"What may be left out: the {recommended.name}, to order {recommended.order}; its error {over} is "
+            f"{recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
+        )
+    if nearest is not None:
+        return (
+            f"Do not reduce: no candidate stays within the tolerance {scene.tolerance:g} {over}. The nearest is the "
+            f"{nearest.name}, whose error is {nearest.error:.2g} to order 0."
+        )
+    widest = float(gaps.max(initial=0.0))
+    if widest < _needed(LARGEST):
+        return (
+            f"Do not reduce: nothing is separated {over}. Where modes decay the next is at most {widest:.1f} times as "
+            f"slow, and {_needed(LARGEST):.1f} times are needed for a layer to pass before the rest has moved."
+        )
+    return f"Do not reduce: no part of the field is fast, attracts and lets the rest follow {over}."
+
+
+def _shown(error: float | None) -> str:
+    return f"{error:.1e}" if error is not None and np.isfinite(error) else ""

@@ -1,0 +1,49 @@
+"""How near a run stays to where a part of the field is at rest: which candidates are worth a measurement."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gsp.algebra.differentiation import jacobian
+from gsp.integration.trajectory import Trajectory
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
+from gsp.reductions.fast_parts import FastPart
+from gsp.systems.system import VectorField
+
+# Newton's steps from a place of the run.
+STEPS = 12
+
+
+def defect(field: VectorField, part: FastPart, run: Trajectory, times: np.ndarray) -> float:
+    """The middle one of the distances from the run at `times` to f = 0 along N, relative to the sizes of the states.
+
+    Infinite where f = 0 does not attract along N at the run's end, or is not reached.
+    """
+    states = field.states
+    N = np.array([[float(d.get(s, 0)) for d in part.directions] for s in states])
+    outputs = (*part.rates, *jacobian(part.rates, states))
+    function = compile_function(outputs, arguments=states, epsilon=None, parameters=tuple(field.parameters))
+    constants = compile_flow(field).constants
+    places = np.ascontiguousarray(run.at(times).T)
+    size = np.abs(places).max(axis=0)
+    r = len(part.rates)
+    moved, alive = places.copy(), np.ones(len(places), dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            values = function(moved, constants)
+            inner = values[:, r:].reshape(-1, r, len(states)) @ N
+            alive &= np.isfinite(values).all(axis=1)
+            alive[alive] &= np.linalg.matrix_rank(inner[alive]) == r
+            step = np.zeros((len(places), r))
+            step[alive] = np.linalg.solve(inner[alive], -values[alive, :r, None])[..., 0]
+            moved += step @ N.T
+        values = function(moved, constants)
+        inner = values[:, r:].reshape(-1, r, len(states)) @ N
+        alive &= np.isfinite(values).all(axis=1)
+        if not alive.all():
+            return float("inf")
+        if (np.linalg.eigvals(inner).real >= 0.0).any():
+            return float("inf")
+        distance = np.abs(moved - places) / np.where(size > 0.0, size, 1.0)
+    return float(np.median(distance.max(axis=1)))

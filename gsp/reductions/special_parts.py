@@ -1,0 +1,136 @@
+"""Candidates from special parameter values: what is small is the distance along the ray to one of them.
+
+A Tikhonov-Fenichel value (Goeke, Walcher and Zerz 2015) says exactly which parameters may be called small together. How
+small they are here is measured: the reduction at the special value is run against the full run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.laurent import laurent
+from gsp.choice.candidates import GRID_POINTS
+from gsp.choice.forecast import LAYER_LEFT
+from gsp.errors import GspError
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.lowering.compiled_function import compile_function
+from gsp.scales.small_parameter import SmallParameter
+from gsp.scales.special_values import small_parameters
+from gsp.scenes.scene import Scene
+from gsp.scenes.tolerances import absolute_tolerance
+from gsp.systems.system import VectorField
+
+# Runs that rank the candidates.
+RTOL = 1e-6
+
+
+@dataclass(frozen=True)
+class SpecialPart:
+    """A special value as a candidate: the field in epsilon along the ray, which is 1 at the scene's own values."""
+
+    small: SmallParameter
+    states = None
+
+    @property
+    def name(self) -> str:
+        """Which parameters vanish, and on which manifold."""
+        gone = ", ".join(self.small.vanishing)
+        on = ", ".join(f"{e.lhs} = 0" for e in self.small.manifold)
+        return f"motion onto {on}, for small {gone}"
+
+    @property
+    def count(self) -> int:
+        """How many fast directions there are."""
+        return self.small.critical.codimension
+
+    def field(self, original: VectorField) -> VectorField:
+        """The field in epsilon."""
+        return self.small.field
+
+
+def special_parts(field: VectorField, is_separated: Callable[[int], bool]) -> list[SmallParameter]:
+    """The special values with so many fast directions as `is_separated` allows, whose manifolds attract and move."""
+    dimensions = [d for d in range(1, len(field.states)) if is_separated(len(field.states) - d)]
+    # Choices of vanishing parameters, 2^count, that are looked at in a search.
+    if not dimensions or len(field.parameters) > 8:
+        return []
+    try:
+        found = small_parameters(field, dimensions=dimensions)
+    except GspError:
+        return []
+    useful: dict[object, SmallParameter] = {}
+    for each in found:
+        if each.attracts is False or each.is_positive is False or each.graph is None or each.is_trivial:
+            continue
+        # More parameters that vanish, to the same reduction on the same manifold, say nothing new.
+        useful.setdefault((frozenset(each.graph.items()), frozenset(each.reduced.items())), each)
+    return list(useful.values())
+
+
+def with_errors(scene: Scene, run: Trajectory, found: Sequence[SmallParameter]) -> tuple[SmallParameter, ...]:
+    """Each with its `error` at the scene's values, least first; infinite where the start leads to no such manifold.
+
+    One whose manifold is implicit stays without, and comes last; all do where the full run does not reach its end.
+
+    The largest of |difference| over the states that stay, relative to the largest value of each, of the reduction from
+    where the layer's flow leads, against the full run behind the layer.
+    """
+    if not run.status.ok:
+        return tuple(found)
+    measured = [each if each.graph is None else replace(each, error=_error(scene, run, each)) for each in found]
+    return tuple(sorted(measured, key=lambda each: each.error if each.error is not None else float("inf")))
+
+
+def _error(scene: Scene, run: Trajectory, small: SmallParameter) -> float:
+    first, last = scene.span
+    reduced, epsilon = small.reduced_field, small.epsilon
+    layer = VectorField(
+        {z: laurent(rate, epsilon, order=-1).get(-1, sp.S.Zero) for z, rate in small.field.equations.items()},
+        parameters=small.original.parameters,
+    )
+
+    def over(flow: VectorField, start: dict[str, float]) -> Trajectory:
+        atol = absolute_tolerance(RTOL, scene.region, start)
+        return trajectory_of(flow, start=start, span=scene.span, epsilon=None, rtol=RTOL, atol=atol)
+
+    try:
+        landing = over(layer, dict(scene.start))
+        if not landing.status.ok:
+            return float("inf")
+        names = [s.name for s in reduced.states]
+        landed = dict(zip((s.name for s in layer.states), landing.y[:, -1]))
+        own = over(reduced, {name: landed[name] for name in names})
+    except GspError:
+        return float("inf")
+    if not own.status.ok or not _is_on(small, landing.y[:, -1], scene):
+        return float("inf")
+    size = np.abs(landing.y).max(axis=1)
+    away = (np.abs(landing.y - landing.y[:, -1:]) / np.where(size > 0.0, size, 1.0)[:, None]).max(axis=0)
+    felt = np.flatnonzero(away > LAYER_LEFT * scene.tolerance)
+    begun = first if not felt.size else float(landing.t[min(felt[-1] + 1, len(landing.t) - 1)])
+    if not begun < last:
+        return float("inf")
+    times = np.linspace(begun, last, GRID_POINTS)
+    exact, got = run.sample(times), own.sample(times)
+    gaps = [np.abs(got[n] - exact[n]).max() / (np.abs(exact[n]).max() or 1.0) for n in names]
+    return float(max(gaps))
+
+
+def _is_on(small: SmallParameter, place: np.ndarray, scene: Scene) -> bool:
+    """Whether the layer's flow has come to rest on this manifold, to the tolerance."""
+    states = small.original.states
+    assert small.graph is not None
+    gone = tuple(small.graph)
+    values = compile_function(
+        tuple(small.graph[z] for z in gone),
+        arguments=states,
+        epsilon=None,
+        parameters=tuple(small.original.parameters),
+    )(place[None, :], np.array([0.0, *map(float, small.original.parameters.values())]))[0]
+    there = np.array([place[states.index(z)] for z in gone])
+    size = np.maximum(np.abs(place).max(), np.abs(there))
+    return bool((np.abs(values - there) <= scene.tolerance * size).all())

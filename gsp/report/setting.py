@@ -1,0 +1,48 @@
+"""Symbols, equations and numbers of a page as MathML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import sympy as sp
+from markupsafe import Markup
+
+from gsp.results import mathml
+from gsp.results.mathml import Typesetter, numeral, operator, row
+from gsp.systems.declaration import exact
+
+
+class Setting:
+    """Sets what a page says, with one lettering for its `symbols`."""
+
+    def __init__(self, symbols: Iterable[sp.Symbol]) -> None:
+        self.set = Typesetter(list(symbols))
+
+    def inline(self, expression: sp.Basic | str) -> Markup:
+        return self.set.inline(expression)
+
+    def block(self, left: str, right: sp.Basic | sp.MatrixBase | str) -> tuple[Markup, Markup]:
+        """A displayed equation, in two halves that a column of them is aligned by."""
+        if isinstance(right, sp.Expr):
+            text = self.set.broken(right, sign=operator("="))
+        else:
+            text = row(operator("="), right if isinstance(right, str) else self.set.row(right))
+        return Markup(mathml.math(left, display=True)), Markup(mathml.math(text, display=True))
+
+    def names(self, symbols) -> Markup:
+        return Markup(", ").join(self.inline(s) for s in symbols)
+
+    def named_value(self, symbol: sp.Symbol, value: Any) -> Markup:
+        shown = numeral(float(value)) if not isinstance(value, sp.Basic) or is_decimal(value) else value
+        return self.inline(self.set.equation(self.set.row(symbol), shown))
+
+    def interval(self, name: str, bounds: tuple[float, float]) -> Markup:
+        ends = numeral(bounds[0]) + operator(",") + numeral(bounds[1])
+        symbol = self.set.row(sp.Symbol(name))
+        return self.inline(row(symbol, operator("∈"), operator("["), ends, operator("]")))
+
+
+def is_decimal(value: sp.Basic) -> bool:
+    """Whether a number was typed as a decimal of at most six digits: 0.3, and not 1/3 or 2."""
+    return isinstance(value, sp.Rational) and not value.is_Integer and exact(f"{float(value):.6g}") == value

@@ -1,0 +1,83 @@
+"""Formulas that are wider than a page: sums are broken between terms, and what cannot be is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import sympy as sp
+
+from gsp.results.lettering import GREEK
+from gsp.results.table import Names
+
+# Letters of a line on a page as wide as a report: 46 rem hold about so many, beside a name on the left.
+WIDTH = 50.0
+
+
+def width(expression: sp.Basic) -> float:
+    """Letters across that an expression takes when it is set: a fraction is as wide as its wider half.
+
+    >>> a, b = sp.symbols("a b")
+    >>> width((a + b) / (a + b + 1)) < width(a + b + 1) + 1
+    True
+    """
+    if isinstance(expression, sp.Symbol):
+        return 1.0 if expression.name in GREEK else max(1.0, 0.8 * len(expression.name))
+    if isinstance(expression, sp.Rational):
+        return float(max(len(str(expression.p)), len(str(expression.q))))
+    if not expression.args:
+        return float(len(str(expression)))
+    if isinstance(expression, sp.Add):
+        return sum(width(term) + 2.5 for term in expression.args) - 2.5
+    if isinstance(expression, sp.Mul):
+        above, below = sp.fraction(expression)
+        if below != 1:
+            return max(width(above), width(below)) + 0.5
+        return sum(width(factor) + 2 * factor.is_Add + 0.3 for factor in expression.args)
+    if isinstance(expression, sp.Pow):
+        base, exponent = expression.args
+        brackets = 2.0 * (not base.is_Atom)
+        return width(base) + brackets + 0.7 * width(exponent)
+    return len(type(expression).__name__) + 2.0 + sum(width(argument) + 1 for argument in expression.args)
+
+
+def lines(expression: sp.Expr) -> tuple[list[sp.Expr], list[tuple[sp.Symbol, list[sp.Expr]]]]:
+    """(rows of the expression, its named parts with their rows): sums of terms that each fit into a line.
+
+    The rows add up to the expression once the names are replaced in order; a narrow expression is one row.
+    """
+    names = Names(s.name for s in expression.free_symbols if isinstance(s, sp.Symbol))
+    fresh = (sp.Symbol(names(f"S_{k}")) for k in range(1, 10**6))
+    parts: list[tuple[sp.Symbol, list[sp.Expr]]] = []
+    waiting: list[tuple[sp.Symbol, sp.Expr]] = []
+    rows = _rows(expression, fresh, waiting)
+    while waiting:
+        symbol, part = waiting.pop(0)
+        parts.append((symbol, _rows(part, fresh, waiting)))
+    return rows, parts
+
+
+def _rows(
+    expression: sp.Expr, fresh: Iterator[sp.Symbol], waiting: list[tuple[sp.Symbol, sp.Expr]]
+) -> list[sp.Expr]:
+    """Terms packed into lines; a term that is too wide gives its widest sums away to `waiting`."""
+    if width(expression) <= WIDTH:
+        return [expression]
+    # Ordered by name, so that the same expression is always broken in the same places.
+    terms = list(sp.Add.make_args(expression)) if not expression.is_Add else list(expression.as_ordered_terms())
+    rows: list[list[sp.Expr]] = [[]]
+    for term in terms:
+        while width(term) > WIDTH:
+            # A part that is narrower than this is read more quickly than a name for it.
+            sums = [s for s in sp.preorder_traversal(term) if s.is_Add and s != term and width(s) > 12.0]
+            if not sums:
+                break
+            widest = max(sums, key=width)
+            known = next((symbol for symbol, part in waiting if part == widest), None)
+            symbol = next(fresh) if known is None else known
+            if known is None:
+                waiting.append((symbol, widest))
+            term = term.xreplace({widest: symbol})
+        if rows[-1] and sum(map(width, rows[-1])) + 2.5 * len(rows[-1]) + width(term) > WIDTH:
+            rows.append([])
+        rows[-1].append(term)
+    return [sp.Add(*row, evaluate=False) if len(row) > 1 else row[0] for row in rows]

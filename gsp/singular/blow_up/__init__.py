@@ -1,0 +1,1 @@
+"""Blow-up of nilpotent points: local form, weights, charts, and the powers of epsilon that follow."""

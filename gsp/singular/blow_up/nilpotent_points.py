@@ -1,0 +1,143 @@
+"""Where the fast Jacobian is singular, exactly: the solution of g = 0, det g_y = 0 next to a point in doubles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NoReturn
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.algebraic_numbers import AlgebraicPoint, InfinitelyManyPoints, rational_point
+from gsp.algebra.differentiation import derivative, jacobian
+from gsp.algebra.laurent import laurent
+from gsp.algebra.local_series import DENOMINATOR
+from gsp.critical.loss_kind import LossKind
+from gsp.hyperbolicity.losses.roots import gauss_newton
+from gsp.lowering.compiled_function import compile_function
+from gsp.singular.blow_up.local_form import BlowUpError
+from gsp.singular.passage.fold_passage import NEAR
+from gsp.singular.singularities.located_points import locate
+from gsp.systems.declaration import exact
+from gsp.systems.system import SlowFastSystem
+
+ExactPoint = AlgebraicPoint | Mapping[sp.Symbol, sp.Rational]
+
+
+def nilpotent_point(system: SlowFastSystem, near: Mapping[str, float], kind: object = None) -> ExactPoint:
+    """The singular point of g_y next to `near`, which names every state: exact, or rational numbers of 60 digits.
+
+    With several slow variables such points are not isolated: those that the `kind` does not fix are held at the values
+    given. Raises `BlowUpError` where there is none.
+    """
+    put_in = dict(system.parameters)
+    zero = sp.Integer(0)
+    f, g = (
+        [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(put_in) for e in rates]
+        for rates in (system.f, system.g)
+    )
+    g_y = jacobian(g, system.y)
+    given = {s: exact(near[s.name]) for s in system.states}
+    guess = {s: sp.Rational(value).limit_denominator(DENOMINATOR) for s, value in given.items()}
+    close = all(abs(guess[s] - value) * DENOMINATOR**2 <= 1 + abs(value) for s, value in given.items())
+    if close and _solves([*g], guess) and _solves([g_y.xreplace(guess).det()], {}):
+        return rational_point(guess)
+    equations = [*g, g_y.det(method="berkowitz"), *_more(system, f, g, g_y, kind)]
+    held = _held(system, g, given, len(equations))
+    free = [s for s in system.states if s not in held]
+    start = np.array([float(given[s]) for s in free])
+    try:
+        found = locate([e.xreplace(held) for e in equations], free, starts=[start])
+    except InfinitelyManyPoints:
+        # Complex solutions may be a curve where there is no real one.
+        if not _reached([e.xreplace(held) for e in equations], free, start):
+            _refuse(g, g_y, given, near)
+        raise BlowUpError(
+            f"nilpotent points are not isolated near {_shown(near)}.",
+            "Give a point with rational coordinates on them, exactly.",
+        ) from None
+    reach = NEAR * (1.0 + np.abs(start))
+    best = min(found, key=lambda p: _distance(p.numbers(), free, start), default=None)
+    if best is None or any(abs(best.numbers()[s] - u) > d for s, u, d in zip(free, start, reach)):
+        _refuse(g, g_y, given, near)
+    if best.exact is not None:
+        values = dict(best.exact.values)
+        values |= {s: rational_point({s: value}).values[s] for s, value in held.items()}
+        return AlgebraicPoint(best.exact.field, values)
+    return {s: held.get(s, sp.Rational(best.near.get(s, zero))) for s in system.states}
+
+
+def _solves(equations: Sequence[sp.Expr], values: Mapping[sp.Symbol, sp.Rational]) -> bool:
+    for equation in equations:
+        value = equation.xreplace(values) if values else equation
+        if not value.is_number or sp.simplify(value) != 0:
+            return False
+    return True
+
+
+def _more(
+    system: SlowFastSystem, f: Sequence[sp.Expr], g: Sequence[sp.Expr], g_y: sp.Matrix, kind: object
+) -> list[sp.Expr]:
+    """What vanishes besides at points of a `kind`, where several slow variables leave room for it."""
+    if len(system.x) < 2:
+        return []
+    if kind is LossKind.BOGDANOV_TAKENS and len(g) == 2:
+        return [g_y.trace()]
+    if len(g) > 1 or kind is None:
+        return []
+    if kind is LossKind.CUSP:
+        return [derivative(g_y[0], system.y[0])]
+    if kind is LossKind.FOLDED_SINGULARITY:
+        return [sp.Add(*(derivative(g[0], s) * rate for s, rate in zip(system.x, f)))]
+    return []
+
+
+def _held(
+    system: SlowFastSystem, g: Sequence[sp.Expr], given: Mapping[sp.Symbol, sp.Rational], count: int
+) -> dict[sp.Symbol, sp.Rational]:
+    """The slow variables that `count` equations leave free, with their values: those along which g changes least."""
+    excess = len(system.states) - count
+    if excess <= 0:
+        return {}
+    slopes = jacobian(g, system.x).xreplace(dict(given))
+    sizes = [float(sp.N(sum(abs(e) for e in slopes.col(i)))) for i in range(len(system.x))]
+    order = sorted(range(len(system.x)), key=lambda i: (sizes[i], -i))
+    return {system.x[i]: given[system.x[i]] for i in order[:excess]}
+
+
+def _reached(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], start: np.ndarray) -> bool:
+    """Whether Newton's method finds a real solution near by."""
+    compiled = compile_function([*equations, *jacobian(equations, unknowns)], arguments=unknowns)
+    count = len(equations)
+
+    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        values = compiled(u[None, :], [0.0])[0]
+        return values[:count], values[count:].reshape(count, len(unknowns))
+
+    found = gauss_newton(evaluate, start)
+    return found is not None and bool((np.abs(found - start) <= NEAR * (1.0 + np.abs(start))).all())
+
+
+def _distance(numbers: Mapping[sp.Symbol, float], free: Sequence[sp.Symbol], start: np.ndarray) -> float:
+    return sum((numbers[s] - u) ** 2 for s, u in zip(free, start))
+
+
+def _shown(near: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:.6g}" for name, value in near.items())
+
+
+def _refuse(
+    g: Sequence[sp.Expr], g_y: sp.Matrix, given: Mapping[sp.Symbol, sp.Rational], near: Mapping[str, float]
+) -> NoReturn:
+    """Raise what says what is there instead."""
+    values = np.linalg.eigvals(np.array(g_y.xreplace(dict(given)).evalf(20), dtype=float))
+    residual = ", ".join(f"{float(sp.N(e.xreplace(dict(given)))):.3g}" for e in g)
+    shown = ", ".join(f"{value:.4g}" for value in values)
+    raise BlowUpError(
+        f"there is no nilpotent point near {_shown(near)}: the fast Jacobian is regular there.",
+        "Nothing has to be blown up where no fast eigenvalue is zero. Take a fold, a branch point or a double zero "
+        "that classify or continue_critical names.",
+        got=f"fast eigenvalues {shown}, and g = {residual}",
+        value=tuple(values),
+        point=dict(near),
+    )

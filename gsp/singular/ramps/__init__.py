@@ -1,0 +1,1 @@
+"""Ramps of a parameter, and the rates at which they tip."""

@@ -1,0 +1,132 @@
+"""The orbit from the start of a ramp to the edge state at its end, with the rate at which there is one.
+
+Over the ramped parameter l the orbit x(l) of x' = f(x, l), l' = r rho(l) solves
+
+    r rho(l) dx/dl = f(x, l),   x(l_0) = x_0,   x(l_1) = x_1,                                                       (1)
+
+x_0 attracting and x_1 repelling for l at rest. Where rho vanishes at an end, (1) is singular there and its smooth
+solutions make up the unstable set of the start and the stable set of the edge: both are curves, and they meet for
+single r. So (1) has N + 2 equations for a polynomial of degree N and r: the ends, and collocation at the N
+Gauss-Chebyshev points. Solutions are analytic over [l_0, l_1], so that errors fall geometrically with N.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+# Newton's method converges within a few steps or goes elsewhere; r changes by at most this factor in one.
+STEPS, FACTOR = 25, 4.0
+# Degrees: the first, and the one at which an orbit is not resolved.
+FIRST, LAST = 16, 256
+# A rate that moves by more when the degree doubles is one of the equations for polynomials, and of no orbit.
+MOVED = 0.5
+ROUNDING = np.finfo(float).eps
+
+Rates = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Values (m, 3) of f, f_x and rho at x (m,) and l (m,)."""
+
+
+class RampEnds(NamedTuple):
+    """(l, x) where the ramp starts and where its edge state is."""
+
+    start: tuple[float, float]
+    edge: tuple[float, float]
+
+
+class Connection(NamedTuple):
+    """The `rate` with its `error`, and the orbit: x (k,), of several states (k, n), at the phases (k,)."""
+
+    rate: float
+    error: float
+    phase: np.ndarray
+    x: np.ndarray
+
+
+@lru_cache(maxsize=8)
+def _grid(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Chebyshev nodes c (N + 1,), points s (N,) between them, and matrices to values and slopes there (N, N + 1)."""
+    j = np.arange(degree + 1)
+    c, s = -np.cos(np.pi * j / degree), -np.cos(np.pi * (2 * j[:-1] + 1) / (2 * degree))
+    weights = np.where(j % 2, -1.0, 1.0)
+    weights[[0, -1]] /= 2.0
+    terms = weights / (s[:, None] - c)
+    values = terms / terms.sum(axis=1, keepdims=True)
+    apart = c[:, None] - c + np.eye(degree + 1)
+    slopes = weights / weights[:, None] / apart
+    np.fill_diagonal(slopes, 0.0)
+    np.fill_diagonal(slopes, -slopes.sum(axis=1))
+    return c, s, values, values @ slopes
+
+
+def connection(
+    rates: Rates, ends: RampEnds, guess: float, shape: Callable[[np.ndarray], np.ndarray]
+) -> Connection | None:
+    """The solution of (1) that Newton's method reaches from x = `shape`(l) and r = `guess`; None where it does not.
+
+    The error is what twice the degree changes, with the rounding of the equations.
+    """
+    found = _solved(rates, ends, guess, FIRST, shape(_places(ends, _grid(FIRST)[0])))
+    before, degree = np.inf, FIRST
+    while found is not None and degree < LAST:
+        rate, x, _ = found
+        degree *= 2
+        found = _solved(rates, ends, rate, degree, _refined(x, degree))
+        if found is None:
+            return None
+        change = abs(found[0] - rate) / rate
+        # Below the root of rounding a change that falls no longer is rounding that the estimate has not seen.
+        if change <= max(found[2], ROUNDING * degree) or before <= change <= ROUNDING**0.5:
+            rate, x, rounding = found
+            return Connection(rate, (change + rounding) * rate, _places(ends, _grid(degree)[0]), x)
+        if change > MOVED:
+            return None
+        before = change
+    return None
+
+
+def _places(ends: RampEnds, c: np.ndarray) -> np.ndarray:
+    (first, _), (last, _) = ends
+    return first + 0.5 * (last - first) * (c + 1.0)
+
+
+def _refined(x: np.ndarray, degree: int) -> np.ndarray:
+    """The polynomial with values x at the nodes of a lower degree, at those of `degree`."""
+    c, *_ = _grid(len(x) - 1)
+    return np.polynomial.chebyshev.chebval(_grid(degree)[0], np.polynomial.chebyshev.chebfit(c, x, len(x) - 1))
+
+
+def _solved(
+    rates: Rates, ends: RampEnds, rate: float, degree: int, x: np.ndarray
+) -> tuple[float, np.ndarray, float] | None:
+    """(r, x, relative rounding of r) by Newton's method."""
+    _, s, values, slopes = _grid(degree)
+    (first, x_0), (last, x_1) = ends
+    l, per_unit = _places(ends, s), 2.0 / (last - first)  # noqa: E741
+    matrix = np.zeros((degree + 2, degree + 2))
+    matrix[0, 0] = matrix[-1, degree] = 1.0
+    for _ in range(STEPS):
+        f, f_x, rho = rates(values @ x, l).T
+        slope = per_unit * (slopes @ x)
+        residual = np.concatenate([[x[0] - x_0], rate * rho * slope - f, [x[-1] - x_1]])
+        matrix[1:-1, :-1] = (rate * per_unit * rho)[:, None] * slopes - f_x[:, None] * values
+        matrix[1:-1, -1] = rho * slope
+        if not np.isfinite(matrix).all():
+            return None
+        try:
+            inverse = np.linalg.inv(matrix)
+        except np.linalg.LinAlgError:
+            return None
+        step = inverse @ residual
+        size = float(np.abs(x).max() + abs(x_1 - x_0))
+        x, moved = x - step[:-1], rate - step[-1]
+        rate = float(np.clip(moved, rate / FACTOR, FACTOR * rate))
+        # What rounding of the terms of (1) does to r.
+        terms = np.concatenate([[0.0], np.abs(rate * rho * slope) + np.abs(f), [0.0]])
+        rounding = float(np.abs(inverse[-1]) @ terms) * ROUNDING / rate
+        if np.abs(step[:-1]).max() <= 1e-9 * size and abs(step[-1]) <= max(1e-9, rounding) * rate:
+            return rate, x, rounding
+    return None

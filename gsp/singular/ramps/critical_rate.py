@@ -1,0 +1,288 @@
+"""`critical_rate`: the rate of a ramp at which the start's orbit meets the edge state, and on which side it tips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import DeclarationError
+from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
+from gsp.singular.ramps import level, one_state, section
+from gsp.singular.ramps.connection import Connection
+from gsp.singular.ramps.ramp_run import RampRun, run_ramp
+from gsp.singular.ramps.ramped import Place, Ramped, RampError
+from gsp.systems.arguments import check_noun, check_number, shown
+from gsp.systems.declaration import equations_of, exact
+from gsp.systems.flow import Point, check_epsilon, values_by_name
+from gsp.systems.ramp import Ramp
+from gsp.systems.system import SlowFastSystem, VectorField
+
+
+class TippingVerdict(StrEnum):
+    """On which side of the critical rates a ramp tips."""
+
+    ABOVE = "tips above the rate"
+    BELOW = "tips below the rate"
+    WINDOWS = "tips in windows of rates"
+    ALWAYS = "always tips"
+    NEVER = "never tips"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticalRate(Drawn, Tabular):
+    """The rates at which the orbit from the `start` of a ramp ends in the `edge` state, and what lies between them.
+
+    - `verdict`; `rates` (k,), ascending, and their `errors` (k,), from twice the degree and from rounding;
+    - `connections`, the orbits from start to edge, states over the ramp's phase, one for each rate;
+    - `start` and `edge` by name, None where the ramp has no end; `message` says what else is known;
+    - `slow_tips` tells whether slow ramps tip, and `ramped` is the field along the ramp.
+
+    "Always" and "never" are of the limits of slow and fast ramps and of what was found between them: by Newton's method
+    from nine rates and several guesses of the orbit, of several states by runs at 61 rates over six decades. Windows
+    that these missed are not excluded.
+    """
+
+    verdict: TippingVerdict
+    rates: tuple[float, ...]
+    errors: tuple[float, ...]
+    connections: tuple[Connection, ...]
+    start: Mapping[str, float]
+    edge: Mapping[str, float] | None
+    message: str
+    slow_tips: bool
+    ramped: Ramped
+
+    @property
+    def rate(self) -> float | None:
+        """The least of the rates; None where there is none."""
+        return self.rates[0] if self.rates else None
+
+    @cached_property
+    def begin(self) -> Place:
+        """Where the ramp starts."""
+        return Place(float(self.ramped.ramp.ends[0]), self._place(self.start))
+
+    @cached_property
+    def end(self) -> Place | None:
+        """The edge state; None where the ramp has no end."""
+        return None if self.edge is None else Place(self.ramped.ends[1], self._place(self.edge))
+
+    def _place(self, values: Mapping[str, float]) -> np.ndarray:
+        return np.array([values[x.name] for x in self.ramped.field.states])
+
+    def run(self, rate: float, *, after: float | None = None) -> RampRun:
+        """The run along the ramp at that rate, and on for the time `after`, by default twelve of the edge's."""
+        check_number(rate, what="rate", be="a positive number", above=0.0)
+        if self.end is None:
+            raise RampError(
+                "a ramp without end has no last state to run to.", "Integrate the field with its ramp."
+            )
+        unstable = float(self.ramped.growth(self.end)[-1])
+        return run_ramp(self.ramped, self.begin, rate, after=12.0 / unstable if after is None else after)
+
+    @property
+    def error(self) -> float | None:
+        """The error of `rate`."""
+        return self.errors[0] if self.errors else None
+
+    def __repr__(self) -> str:
+        return f"CriticalRate({self.verdict}{''.join(f', {rate:.10g}' for rate in self.rates)})"
+
+    def __str__(self) -> str:
+        lines = [str(self.verdict)]
+        lines += [f"  rate {rate:.12g}, error {error:.1e}" for rate, error in zip(self.rates, self.errors)]
+        return "\n".join([*lines, f"  {self.message}"])
+
+
+def critical_rate(
+    field: VectorField | SlowFastSystem,
+    *,
+    ramp: Ramp | Mapping[sp.Symbol, sp.Expr],
+    start: Point,
+    edge: Point | None = None,
+    epsilon: float | None = None,
+) -> CriticalRate:
+    """The rates r at which x' = f(x, l), with l carried along by `ramp`, goes from the rest point at `start` to `edge`.
+
+    `ramp` is a `Ramp`, or maps one parameter l to rho(l), an expression in l and other parameters: l' = r rho(l).
+    `start` and `edge` name the states, for a mapping l too: a rest point of x' = f that attracts where the ramp starts,
+    and one with one unstable direction where it ends. The ramp stops there, whether rho vanishes or not. Without `edge`
+    it has no end: rho is a number and f, of one state, depends on x + c l only, so that x' = f is at rest in a moving
+    frame until two rest points meet. An `edge` that names one state of several is a level: a ramp tips that takes it
+    there, though the field may be excitable, without an edge state, and come back to rest. So is an edge state that is
+    a cycle asked about, by a level beyond it. `epsilon` is the value of a
+    small parameter. For tipping by the rate see P. Ashwin, S. Wieczorek, R. Vitolo, P. Cox, Phil. Trans. R. Soc. A 370
+    (2012) 1166-1184, for edge states S. Wieczorek, C. Xie, P. Ashwin, Nonlinearity 36 (2023) 3238-3293.
+
+    Raises `RampError` for ends that are no such rest points, a ramp that does not go from one to the other, and one
+    without an end in a field that is not the same in a moving frame; `DeclarationError` for what is not well formed.
+
+    >>> x, l = sp.symbols("x l")
+    >>> field = VectorField(states={x: (x + l) ** 2 - 1}, epsilon=None, parameters={l: 0})
+    >>> critical_rate(field, ramp={l: l * (3 - l)}, start={"x": -1, "l": 0}, edge={"x": -2, "l": 3})
+    CriticalRate(tips above the rate, 1.333333333)
+    >>> critical_rate(field, ramp=Ramp.linear_with_ends({l: (0, 3)}), start={"x": -1}, edge={"x": -2})
+    CriticalRate(tips above the rate, 2.162032263)
+    """
+    check_noun(field, (VectorField, SlowFastSystem), verb="critical_rate")
+    given, begin, last = _declared(field, epsilon, ramp, start, edge)
+    x_0 = given.rest_point(begin.x, begin.s)
+    if x_0 is None or not (given.growth(begin := Place(begin.s, x_0)) < 0.0).all():
+        raise RampError(f"start is no attracting rest point of {_equations(given)}.", got=_shown(given, begin))
+    named = _named(given, begin)
+    if last is None:
+        rate = one_state.moving_frame(given, begin)
+        if rate is None:
+            text = "the rest point of the moving frame meets no other"
+            return CriticalRate(TippingVerdict.NEVER, (), (), (), named, None, text, False, given)
+        text, error = "two rest points of the moving frame meet there", 4.0 * np.finfo(float).eps * rate
+        return CriticalRate(TippingVerdict.ABOVE, (rate,), (error,), (), named, None, text, False, given)
+    given.check_way(begin.x)
+    way = given.followed(begin, last.s)
+    if not np.isfinite(last.x).all():
+        tips, found = _escapes(given, begin, way, last)
+        verdict, message = _verdict(tips, len(found))
+        rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
+        return CriticalRate(verdict, rates, errors, tuple(found), named, None, message, tips[0], given)
+    x_1 = given.rest_point(last.x, last.s)
+    saddle = None if x_1 is None else section.edge_at(given, Place(last.s, x_1))
+    if saddle is None:
+        if way[-1].s != last.s and len(begin.x) == 1:
+            text = "the branch of the start ends in a fold on the way, and there is no edge state where the ramp ends"
+            return CriticalRate(TippingVerdict.ALWAYS, (), (), (), named, None, text, True, given)
+        kind = "repelling rest point" if len(begin.x) == 1 else "rest point with one unstable direction"
+        remedy = (
+            "" if len(begin.x) == 1 else "Of an edge state that is a cycle name a level of one state beyond it."
+        )
+        raise RampError(f"edge is no {kind} of {_equations(given)}.", remedy, got=_shown(given, last))
+    if len(begin.x) == 1:
+        tips, found = one_state.thresholds(given, way, saddle.place)
+    else:
+        tips, found = section.thresholds(section.Passage(given, begin, saddle), way)
+    verdict, message = _verdict(tips, len(found))
+    rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
+    ended = _named(given, saddle.place)
+    return CriticalRate(verdict, rates, errors, tuple(found), named, ended, message, tips[0], given)
+
+
+def at_epsilon(field: VectorField | SlowFastSystem, epsilon: float | None) -> VectorField:
+    """The field with the value of its small parameter put in."""
+    if (field.epsilon is None) != (epsilon is None):
+        fact = (
+            "has no epsilon, and a value is given" if field.epsilon is None else "has an epsilon, and no value"
+        )
+        raise DeclarationError(
+            f"epsilon: the field {fact}.", "Give both or neither.", got=shown(epsilon), value=epsilon
+        )
+    if field.epsilon is None and isinstance(field, VectorField):
+        return field
+    value = exact(check_epsilon(epsilon))  # pyright: ignore[reportArgumentType]
+    rates = {x: rate.xreplace({field.epsilon: value}) for x, rate in zip(field.states, field.rates)}
+    return VectorField(rates, epsilon=None, parameters=field.parameters, name=field.name)
+
+
+def _declared(
+    source: VectorField | SlowFastSystem,
+    epsilon: float | None,
+    ramp: Ramp | Mapping[sp.Symbol, sp.Expr],
+    start: Point,
+    edge: Point | None,
+) -> tuple[Ramped, Place, Place | None]:
+    """The field along the ramp, the place where it starts, and that of the edge state where there is one."""
+    field = at_epsilon(source, epsilon)
+    names = [x.name for x in field.states]
+    if isinstance(ramp, Ramp):
+        begun = values_of(start, names, "start")
+        ended = None if edge is None else _edge(edge, names)
+    else:
+        profiles = equations_of(ramp, "ramp")
+        if len(profiles) != 1 or next(iter(profiles)) not in field.parameters:
+            raise DeclarationError("ramp maps one parameter of the field to its profile.", got=dict(profiles))
+        ((moved, rho),) = profiles.items()
+        begun = values_of(start, [*names, moved.name], "start")
+        ended = None if edge is None else values_of(edge, [*names, moved.name], "edge")
+        last = None if ended is None else sp.Float(ended[-1], 17)
+        ramp = Ramp({moved: moved}, rho, (sp.Float(begun[-1], 17), last), phase=moved)
+    (first, last), n = ramp.ends, len(names)
+    if last is None and ended is not None:
+        raise RampError(
+            "the ramp has no end, and an edge state is given.", "Leave `edge` out, or give it an end."
+        )
+    if last is not None and ended is None:
+        raise RampError("the ramp has an end, and no edge state is given.", "Name one there, edge={...}.")
+    if last is None and n > 1:
+        raise RampError(
+            "a ramp without an end has a critical rate for fields of one state.",
+            "Give it an end, and name the edge state there.",
+            got=f"{n} states",
+        )
+    end = None if ended is None else Place(float(last), np.array(ended[:n]))  # pyright: ignore[reportArgumentType]
+    return Ramped(ramp.along(field), ramp, source, epsilon), Place(float(first), np.array(begun[:n])), end
+
+
+def _edge(edge: Point, names: list[str]) -> list[float]:
+    """The numbers of an edge state; of a level, which is of one state among several, NaN for the others."""
+    values = values_by_name(edge, what="edge")
+    if len(names) > 1 and len(values) == 1 and values.keys() <= set(names):
+        return [values.get(name, np.nan) for name in names]
+    return values_of(edge, names, "edge")
+
+
+def values_of(point: Point, names: list[str], what: str) -> list[float]:
+    """The numbers of a point that names these and nothing else."""
+    values = values_by_name(point, what=what)
+    if set(values) != set(names):
+        listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+        raise DeclarationError(f"{what} names {listed}.", got=values, value=values)
+    return [values[name] for name in names]
+
+
+def _escapes(
+    given: Ramped, begin: Place, way: list[Place], last: Place
+) -> tuple[tuple[bool, bool], list[Connection]]:
+    """Whether slow ramps pass a level, and fast ones, and the thresholds between."""
+    if way[-1].s != last.s or not (given.growth(way[-1]) < 0.0).all():
+        raise RampError(
+            "the rest point of the start does not attract as far as the ramp leads, so that a level tells nothing.",
+            "Name the edge state where it ends.",
+        )
+    i = int(np.flatnonzero(np.isfinite(last.x))[0])
+    return level.thresholds(level.Escape(given, begin, way[-1], (i, float(last.x[i]))))
+
+
+def _equations(given: Ramped) -> str:
+    return f"{', '.join(x.name for x in given.field.states)}' = f"
+
+
+def _named(given: Ramped, place: Place) -> Mapping[str, float]:
+    """The states there, and the parameters that move."""
+    named = {x.name: float(value) for x, value in zip(given.field.states, place.x)}
+    p = {**given.field.parameters, given.ramp.phase: sp.Float(place.s, 17)}
+    return MappingProxyType(
+        {**named, **{q.name: float(e.xreplace(p)) for q, e in given.ramp.parameters.items()}}
+    )
+
+
+def _shown(given: Ramped, place: Place) -> str:
+    return ", ".join(f"{name} = {value:.6g}" for name, value in _named(given, place).items())
+
+
+def _verdict(tips: tuple[bool, bool], count: int) -> tuple[TippingVerdict, str]:
+    """From whether slow ramps tip, and fast ones, and the number of rates between."""
+    words = ["tip" if t else "do not tip" for t in tips]
+    message = f"slow ramps {words[0]}, fast ones {words[1]}"
+    if count % 2 != (tips[0] != tips[1]):
+        return TippingVerdict.UNDECIDED, f"{message}: a rate between them was not found"
+    if count == 0:
+        return (TippingVerdict.ALWAYS if tips[0] else TippingVerdict.NEVER), message
+    if count > 1:
+        return TippingVerdict.WINDOWS, message
+    return (TippingVerdict.BELOW if tips[0] else TippingVerdict.ABOVE), message

@@ -1,0 +1,104 @@
+"""Critical rates of one state: connections found by Newton's method from several guesses, and ramps without end."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import product
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.laurent import vanishes
+from gsp.singular.ramps.connection import Connection, RampEnds, connection
+from gsp.singular.ramps.ramped import Place, Ramped, RampError
+from gsp.singular.singularities.located_points import locate
+
+# Newton's method starts at these shares of the rate at which the ramp is as fast as the field.
+SHARES = np.logspace(-2.0, 2.0, 9)
+# A guess of the orbit is a straight line, or the branch of the start, then that of the edge; it changes at one of so
+# many parts of the way, more of them until the number of rates is odd or even as the limits ask for.
+ROUNDS = (0, 4, 16)
+# Two starts lead to one threshold when they agree to this.
+SAME = 1e-6
+
+
+def thresholds(given: Ramped, way: list[Place], edge: Place) -> tuple[tuple[bool, bool], list[Connection]]:
+    """Whether slow ramps tip, and fast ones, and the connections from the start of `way` to `edge`, by their rates."""
+    begin, end = way[0], way[-1]
+    slow = end.x[0] if end.s == edge.s else None
+    side = np.sign((begin.x[0] if slow is None else slow) - edge.x[0])
+    tips = (slow is None, bool(side * (begin.x[0] - edge.x[0]) < 0.0))
+    return tips, _connections(given, way, edge, odd=tips[0] != tips[1])
+
+
+def _connections(given: Ramped, way: list[Place], edge: Place, odd: bool) -> list[Connection]:
+    """From straight lines, and from the branch of the start followed by that of the edge, as of slow ramps.
+
+    It ends when the count is `odd` as it should be, and, where none is found, after more than straight lines.
+    """
+    first, last, begin = way[0].s, edge.s, way[0]
+
+    def rates(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+        found = given.rates(x[:, np.newaxis], at)
+        return np.column_stack([found.f[:, 0], found.f_x[:, 0, 0], found.rho])
+
+    ends = RampEnds((first, float(begin.x[0])), (last, float(edge.x[0])))
+    natural = abs(given.growth(begin)[0]) * abs(last - first) / given.speed(begin.x)
+    back = given.followed(edge, first)
+    found: list[Connection] = []
+    for number in ROUNDS:
+        for shape, share in product(_shapes(way, back, number), SHARES):
+            one = connection(rates, ends, natural * share, partial(_through, shape))
+            if one is not None and all(abs(one.rate - c.rate) > SAME * c.rate for c in found):
+                found.append(one)
+        if len(found) % 2 == odd and (found or number):
+            break
+    return sorted(found, key=lambda c: c.rate)
+
+
+def _shapes(way: list[Place], back: list[Place], number: int) -> list[np.ndarray]:
+    """Places (k, 2) of (s, x): the straight line, or changes from `way` to `back` at `number` parts of the way."""
+    first, last = way[0].s, back[0].s
+    shapes = []
+    for share in (np.arange(number) + 1.0) / (number + 1.0):
+        at = first + share * (last - first)
+        before = [(p.s, p.x[0]) for p in way if abs(p.s - first) <= abs(at - first)]
+        after = [(p.s, p.x[0]) for p in back if abs(p.s - last) < abs(at - last)]
+        shapes.append(np.array([*before, *reversed(after)]))
+    return shapes or [np.array([(p.s, p.x[0]) for p in (way[0], back[0])])]
+
+
+def _through(places: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """x at s along straight lines between `places` (k, 2) of (s, x)."""
+    return np.interp(at, *places[np.argsort(places[:, 0])].T)
+
+
+def moving_frame(given: Ramped, begin: Place) -> float | None:
+    """The rate of a ramp without end: in u = x + c s, u' = f(u) + c r rho, rest points of start and edge meet there.
+
+    None where they do not. Raises `RampError` unless the field is a function of u and rho a number.
+    """
+    (f,), (x,), p = given.field.rates, given.field.states, given.ramp.phase
+    put_in = {q: value for q, value in given.field.parameters.items() if q != p}
+    f, rho = f.xreplace(put_in), given.ramp.profile.xreplace(put_in)
+    slopes = derivative(f, x), derivative(f, p)
+    c = sp.cancel(slopes[1] / slopes[0])
+    if not (c.is_number and rho.is_number) or not vanishes(slopes[1] - c * slopes[0]):
+        raise RampError(
+            "a ramp without an end has a critical rate where the field is the same in a moving frame only.",
+            "Give its end as edge={...}, or make f a function of x + c l.",
+            got=f"f_{p}/f_{x} = {c}",
+        )
+    # At s = 0 the state is u.
+    u, push = float(begin.x[0] + float(c) * begin.s), float(c * rho)
+    frame = f.xreplace({p: sp.Integer(0)})
+    starts = [[u + np.sign(push) * 2.0**k] for k in range(-10, 11)]
+    turning = sorted(
+        (point.numbers()[x] - u) * np.sign(push)
+        for point in (locate([derivative(frame, x)], [x], starts=starts) if push else [])
+    )
+    ahead = [distance for distance in turning if distance > 0.0]
+    if not ahead:
+        return None
+    return -float(sp.N(frame.xreplace({x: sp.Float(u + np.sign(push) * ahead[0], 30)}), 20)) / push

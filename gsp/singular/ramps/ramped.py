@@ -1,0 +1,174 @@
+"""A field along a ramp, compiled: x' = f(x, s), s' = r rho(s); its rest points for s at rest, and their branches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative, jacobian
+from gsp.errors import GspError
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
+from gsp.systems.ramp import Ramp
+from gsp.systems.system import SlowFastSystem, VectorField
+
+# A branch is followed in steps, shares of the way, over which the determinant of f_x stays within a factor of 2; it
+# folds where they get as short as the second.
+LONGEST, SHORTEST = 0.125, 2.0**-40
+
+
+class RampError(GspError):
+    """A ramp whose rates cannot be told: its ends are not what they should be, or the field is of another kind."""
+
+
+class Rates(NamedTuple):
+    """f (m, n), f_x (m, n, n), f_s (m, n), rho and rho_s (m,) at m places."""
+
+    f: np.ndarray
+    f_x: np.ndarray
+    f_s: np.ndarray
+    rho: np.ndarray
+    rho_s: np.ndarray
+
+
+class LocalRates(NamedTuple):
+    """f (n,), f_x (n, n), f_s (n,), rho and rho_s at one place."""
+
+    f: np.ndarray
+    f_x: np.ndarray
+    f_s: np.ndarray
+    rho: float
+    rho_s: float
+
+
+class Place(NamedTuple):
+    """A state x (n,) at the phase s."""
+
+    s: float
+    x: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Ramped:
+    """x' = f(x, s), s' = r rho(s): `field` holds the phase of `ramp` as a parameter.
+
+    It was made of `source`, at `epsilon` where that has a small parameter.
+    """
+
+    field: VectorField
+    ramp: Ramp
+    source: VectorField | SlowFastSystem
+    epsilon: float | None = None
+
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """The ends of a ramp that has both."""
+        first, last = self.ramp.ends
+        return float(first), float(last)  # pyright: ignore[reportArgumentType]
+
+    @cached_property
+    def _compiled(self) -> tuple[CompiledFunction, list[float]]:
+        f, x, s, rho = list(self.field.rates), list(self.field.states), self.ramp.phase, self.ramp.profile
+        f_x = jacobian(f, x)
+        others = [p for p in self.field.parameters if p != s]
+        outputs = (*f, *f_x, *(derivative(e, s) for e in f), rho, derivative(rho, s))
+        compiled = compile_function(outputs, arguments=(*x, s), parameters=others)
+        return compiled, [np.nan, *(float(self.field.parameters[p]) for p in others)]
+
+    def rates(self, x: np.ndarray, s: np.ndarray) -> Rates:
+        """At x (m, n) and s (m,)."""
+        compiled, constants = self._compiled
+        m, n = x.shape
+        found, jacobian_ends = compiled(np.column_stack([x, s]), constants), n + n * n
+        f_x = found[:, n:jacobian_ends].reshape(m, n, n)
+        return Rates(found[:, :n], f_x, found[:, jacobian_ends : jacobian_ends + n], found[:, -2], found[:, -1])
+
+    def at(self, x: np.ndarray, s: float) -> LocalRates:
+        """At one place."""
+        f, f_x, f_s, rho, rho_s = self.rates(x[np.newaxis], np.array([s]))
+        return LocalRates(f[0], f_x[0], f_s[0], float(rho[0]), float(rho_s[0]))
+
+    def moved(self, s: np.ndarray) -> dict[str, np.ndarray]:
+        """The parameters that move, at phases s (m,), by name."""
+        p = {q: v for q, v in self.field.parameters.items() if q != self.ramp.phase}
+        put = {q: e.xreplace(p) for q, e in self.ramp.parameters.items()}
+        compiled = compile_function(tuple(put.values()), arguments=(self.ramp.phase,))
+        return dict(zip((q.name for q in put), compiled(s[:, np.newaxis], [np.nan]).T))
+
+    def rest_point(self, x: np.ndarray, s: float) -> np.ndarray | None:
+        """The zero of f next to x, by Newton's method; steps are measured by what rounding of x does to them."""
+        rounding = np.finfo(float).eps
+        for _ in range(50):
+            f, f_x, *_ = self.at(x, s)
+            if not (np.isfinite(f).all() and np.isfinite(f_x).all()):
+                return None
+            try:
+                inverse = np.linalg.inv(f_x)
+            except np.linalg.LinAlgError:
+                return None
+            step = inverse @ f
+            x = x - step
+            moved, blur = np.abs(step), np.abs(inverse) @ (np.abs(f_x) @ np.abs(x))
+            if np.all(moved <= 4.0 * rounding * blur) or not f.any():
+                return x
+        return x if np.all(moved <= 1e-12 * blur) else None
+
+    def growth(self, place: Place) -> np.ndarray:
+        """Real parts (n,) of the eigenvalues of f_x, the greatest last."""
+        return np.sort(np.real(np.linalg.eigvals(self.at(place.x, place.s).f_x)))
+
+    def followed(self, begin: Place, last: float) -> list[Place]:
+        """Places along the branch of rest points from `begin` towards `last`, which it reaches unless it folds."""
+        (at, x), share, way = begin, LONGEST, [begin]
+        while at != last:
+            step = share * (last - begin.s)
+            target = last if abs(step) >= abs(last - at) else at + step
+            _, f_x, f_s, *_ = self.at(x, at)
+            found = self.rest_point(x - np.linalg.solve(f_x, f_s) * (target - at), target)
+            ratio = np.nan if found is None else _determinant(self.at(found, target).f_x) / _determinant(f_x)
+            if found is not None and 0.5 < ratio < 2.0:
+                x, at, share = found, target, min(2.0 * share, LONGEST)
+                way.append(Place(at, x))
+            else:
+                share /= 2.0
+                if share < SHORTEST:
+                    break
+        return way
+
+    def check_way(self, x: np.ndarray) -> None:
+        """Raise unless rho leads from the first end to the last, where it has no multiple zeros."""
+        first, last = self.ends
+        inside = first + (last - first) * (np.arange(64) + 0.5) / 64.0
+        name = self.ramp.phase
+        if not (self.rates(np.tile(x, (64, 1)), inside).rho * np.sign(last - first) > 0.0).all():
+            raise RampError(
+                f"the ramp does not lead from {name} = {first:.6g} to {last:.6g}: its profile vanishes or points "
+                "back on the way.",
+                "Give the ends between which it has one sign.",
+            )
+        for s in (first, last):
+            if self.rests_at(s) and abs(self.at(x, s).rho_s) * abs(last - first) <= 1e-12 * self.speed(x):
+                raise RampError(f"the profile has a multiple zero at {name} = {s:.6g}.", "Take a simple one.")
+
+    def rests_at(self, end: float) -> bool:
+        """Whether the phase is at rest at one of the ends."""
+        return self._rests[0 if end == self.ends[0] else 1]
+
+    @cached_property
+    def _rests(self) -> list[bool]:
+        phase = self.ramp.phase
+        rho = self.ramp.profile.xreplace({q: v for q, v in self.field.parameters.items() if q != phase})
+        return [bool(sp.simplify(rho.xreplace({phase: end})) == 0) for end in self.ramp.ends]
+
+    def speed(self, x: np.ndarray) -> float:
+        """The largest |rho| on the way."""
+        first, last = self.ends
+        inside = first + (last - first) * (np.arange(16) + 0.5) / 16.0
+        return float(np.abs(self.rates(np.tile(x, (16, 1)), inside).rho).max())
+
+
+def _determinant(matrix: np.ndarray) -> float:
+    return float(np.linalg.det(matrix)) if len(matrix) > 1 else float(matrix[0, 0])

@@ -1,0 +1,164 @@
+"""Modes of a field that switches: on which side of each surface it is, or on it, and where each goes on.
+
+With s' = b + G phi for the surfaces s, phi is 1 or -1 off a surface. On the surfaces S it is what keeps s_S = 0,
+phi_S = -G_SS^-1 (b_S + G_SF phi_F), while low < phi < high for what the law bears and (-1)^|S| det G_SS > 0, so that
+the surface attracts.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.factorisation import factored, lowest_terms
+from gsp.algebra.sharing import size
+from gsp.integration.events import Event
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import CompiledFunction, compile_over
+from gsp.sliding.crossing_field import CrossingField
+from gsp.splitting.fast_part import inverse
+from gsp.systems.declaration import exact
+from gsp.systems.system import VectorField
+
+# Below this share of its terms a rate is zero, and its own rate decides: what events leave is a thousand times smaller.
+TANGENT = 1e-9
+
+
+@dataclass(frozen=True)
+class SwitchMode:
+    """1, -1 or 0 for each surface, 0 where the field slides on it, for a law that bears `low` < phi < `high`."""
+
+    field: CrossingField
+    signs: tuple[int, ...]
+    low: float
+    high: float
+
+    @property
+    def stuck(self) -> list[int]:
+        """The surfaces that it slides on."""
+        return [c for c, sign in enumerate(self.signs) if sign == 0]
+
+    @cached_property
+    def _solved(self) -> tuple[dict[int, sp.Expr], sp.Expr]:
+        """phi_c times D for the surfaces that it slides on, and D = (-1)^|S| det G_SS."""
+        field, stuck = self.field, self.stuck
+        if not stuck:
+            return {}, sp.S.One
+        G = sp.Matrix([[field.rate_of(field.surfaces[c], field.jumps[d]) for d in stuck] for c in stuck])
+        b = sp.Matrix([field.rate_of(field.surfaces[c], self._free) for c in stuck])
+        D = (-1) ** len(stuck) * G.det(method="berkowitz")
+        phi = -inverse(G) * b
+        return {c: lowest_terms(entry * D) for c, entry in zip(stuck, phi)}, lowest_terms(D)
+
+    @cached_property
+    def _free(self) -> dict[sp.Symbol, sp.Expr]:
+        """The rates with what the surfaces give that it is off."""
+        field = self.field
+        return {
+            z: rate + sp.Add(*(sign * jump[z] for sign, jump in zip(self.signs, field.jumps) if sign))
+            for z, rate in field.drift.items()
+        }
+
+    @cached_property
+    def rates(self) -> dict[sp.Symbol, sp.Expr]:
+        """The rates of the states."""
+        phi, D = self._solved
+        if not phi:
+            return self._free
+        jumps = self.field.jumps
+        return {
+            z: factored((rate * D + sp.Add(*(value * jumps[c][z] for c, value in phi.items()))) / D)
+            for z, rate in self._free.items()
+        }
+
+    @cached_property
+    def flow(self) -> VectorField:
+        """The field of the mode."""
+        return self.field.flow(self.rates)
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """What ends it: a surface reached, by its number, a bound of the law, or "both" where D vanishes."""
+        phi, D = self._solved
+        found = [
+            Event(surface, direction=-sign, terminal=True, name=f"{c}")
+            for c, (surface, sign) in enumerate(zip(self.field.surfaces, self.signs))
+            if sign
+        ]
+        for c, value in phi.items():
+            found.append(Event(value - exact(self.high) * D, direction=1, terminal=True, name=f"{c} above"))
+            found.append(Event(value - exact(self.low) * D, direction=-1, terminal=True, name=f"{c} below"))
+        if phi and D.has(*self.field.states):
+            found.append(Event(D, direction=-1, terminal=True, name="both"))
+        return tuple(found)
+
+    @cached_property
+    def _tests(self) -> CompiledFunction:
+        """For each surface what has to be positive, the size of its terms, and its rate along the mode; then D."""
+        field = self.field
+        phi, D = self._solved
+        outputs: list[sp.Expr] = [D]
+        for c, (surface, sign) in enumerate(zip(field.surfaces, self.signs)):
+            terms = sp.Add(*(size(field.rate_of(surface, jump)) for jump in (field.drift, *field.jumps)))
+            if sign:
+                value = sign * field.rate_of(surface, self.rates)
+                outputs += [value, terms, field.rate_of(value, self.rates)]
+                continue
+            for value in (exact(self.high) * D - phi[c], phi[c] - exact(self.low) * D):
+                outputs += [value, size(D) + size(phi[c]), field.rate_of(value, self.rates)]
+        return compile_over(self.flow, outputs)
+
+    def ends_in_two_fold(self, states: np.ndarray) -> bool:
+        """Whether D is zero at the last of the `states` (n, m) of a run in this mode, beside what it was along it.
+
+        There the folds of both sides and D = 0 are one place, and which event is located first is rounding's choice.
+        """
+        if not self.stuck:
+            return False
+        constants = compile_flow(self.flow).constants
+        along = [abs(self._tests(state, constants)[0]) for state in states.T]
+        return bool(along[-1] <= TANGENT * max(along))
+
+    def goes_on(self, state: np.ndarray, among: set[int]) -> bool:
+        """Whether a run on the surfaces `among` can go on in this mode from `state`."""
+        values = self._tests(state, compile_flow(self.flow).constants)
+        if not values[0] > 0.0:
+            return False
+        place = 1
+        for c, sign in enumerate(self.signs):
+            for _ in range(1 if sign else 2):
+                value, size, rate = values[place : place + 3]
+                place += 3
+                if c in among and not (rate > 0.0 if abs(value) <= TANGENT * size else value > 0.0):
+                    return False
+        return True
+
+
+class SwitchModes:
+    """All modes of a field, each made once."""
+
+    def __init__(self, field: CrossingField, low: float, high: float) -> None:
+        self.field, self.bounds = field, (low, high)
+        self._made: dict[tuple[int, ...], SwitchMode] = {}
+
+    def of(self, signs: tuple[int, ...]) -> SwitchMode:
+        """The mode with these signs."""
+        if signs not in self._made:
+            self._made[signs] = SwitchMode(self.field, signs, *self.bounds)
+        return self._made[signs]
+
+    def after(self, signs: tuple[int, ...], among: set[int], state: np.ndarray) -> list[SwitchMode]:
+        """The modes in which a run can go on that is on the surfaces `among`: those that slide on the most of them."""
+        found: list[SwitchMode] = []
+        options = [(0, 1, -1) if c in among else (sign,) for c, sign in enumerate(signs)]
+        for chosen in sorted(itertools.product(*options), key=lambda each: -each.count(0)):
+            if found and chosen.count(0) < len(found[0].stuck):
+                break
+            mode = self.of(chosen)
+            if mode.goes_on(state, among):
+                found.append(mode)
+        return found

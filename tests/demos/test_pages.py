@@ -1,0 +1,221 @@
+"""What a page is like to use: fingers, phones, paper, files, and axes that show what there is to see."""
+
+import csv
+import io
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+import gsp
+from gsp import models
+from tests.cases import sampled
+
+# x blows up at t = 1.
+BLOWING = """
+[slow]
+x = "x^2"
+[fast]
+y = "x - y"
+[region]
+x = [0, 2]
+[start]
+x = 1
+y = 0
+[scene]
+span = [0, 2]
+epsilon = 0.05
+"""
+# Seven parameters, of which five do nothing worth speaking of, and y = x is exact at every order but 0.
+MANY = """
+[parameters]
+little = "1/1000"
+none = 1
+strong = 1
+less = "1/50"
+least = "1/10000"
+also = "1/300"
+weak = "1/100"
+[states]
+x = "-strong*x + little*x^2 + least*x^3 + also*x^4 + weak*x^5 + less + 0*none"
+y = "(x - y)/epsilon"
+[region]
+x = [0, 2]
+y = [0, 2]
+[start]
+x = 1
+y = 0
+[scene]
+span = [0, 3]
+epsilon = 0.02
+[units]
+x = "mol"
+t = "s"
+strong = "1/s"
+"""
+# The fast variable does not act on the slow one: every order of x is the run itself.
+EXACT = """
+[slow]
+x = "-x"
+[fast]
+y = "x - y"
+[region]
+x = [0, 2]
+[start]
+x = 1
+y = 1
+[scene]
+span = [0, 3]
+epsilon = 0.02
+"""
+
+
+@pytest.fixture
+def opened(page, tmp_path):
+    def open_(model: str, **options):
+        if "\n" in model:
+            (tmp_path / "model.toml").write_text(model, encoding="utf-8")
+        scene = gsp.load(tmp_path / "model.toml") if "\n" in model else models.load(model)
+        page.open(gsp.write_demo(scene, tmp_path / "demo.html"), **options)
+        page.settle()
+        return page
+
+    return open_
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("name", sampled(models.names(), always=("chaplygin_sleigh", "koper", "lindemann")))
+def test_whatever_is_pressed_is_as_large_as_a_finger(name: str, width: int, opened) -> None:
+    page = opened(name, width=width, height=844)
+    small = page.run(
+        "document.querySelectorAll('details').forEach((part) => (part.open = true));"
+        "const pressed = [...document.querySelectorAll('button, select, summary, input, .order')];"
+        "return pressed.filter((e) => e.offsetParent && !e.closest('label')).map((e) => [e.id || e.textContent,"
+        " e.getBoundingClientRect().width, e.getBoundingClientRect().height]).filter((e) => e[1] < 44 || e[2] < 44);"
+    )
+    assert small == []
+    assert page.run("return document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("name", ["chaplygin_sleigh", "linear"])
+def test_on_a_phone_a_picture_stays_in_sight_beside_its_sliders(name: str, opened) -> None:
+    page = opened(name, width=390, height=844)
+    assert page.run("return byId('sliders').closest('figure') !== null")
+    sliders = page.run(
+        "return [...document.querySelectorAll('#sliders > .slider input[type=range]')].map((e) => e.id)"
+    )
+    assert {"epsilon", "length"} <= set(sliders)
+    for slider in sliders:
+        page.run("document.getElementById(arguments[0]).scrollIntoView({ block: 'center' })", slider)
+        page.settle()
+        top, bottom, at, high = page.run(
+            "const frame = byId('sliders').closest('figure').querySelector('.frame').getBoundingClientRect();"
+            "const box = byId(arguments[0]).getBoundingClientRect();"
+            "return [frame.top, frame.bottom, box.top, innerHeight];",
+            slider,
+        )
+        assert top > -1
+        assert bottom < at < high
+    page.window(1280, 900)
+    page.settle()
+    page.driver.execute_async_script("setTimeout(arguments[0], 100)")
+    assert page.run("return byId('sliders').parentElement.id") == "controls"
+
+
+def test_the_parameters_that_matter_come_first_and_the_others_fold(opened) -> None:
+    page = opened(MANY)
+    shown = page.run(
+        "return [...document.querySelectorAll('#sliders > .slider label')].map((label) => label.textContent)"
+    )
+    assert shown[1] == "strong (1/s)"
+    assert shown[-1] == "length of the run (s)"
+    folded = page.run("return [...document.querySelectorAll('#more .slider label')].map((l) => l.textContent)")
+    assert folded[-1] == "none"
+    assert "least" in folded
+    assert len(shown) + len(folded) == 9
+    assert page.run("return byId('more').open") is False
+    told = page.run("return byId('parameter-2').parentElement.title")
+    # d/dk exp(-k t) is largest at t = 1/k: 1 % of k moves x by 1 %/e.
+    moved = re.fullmatch(r"1 % more moves the run by (.*) %", told)
+    assert moved is not None
+    assert float(moved[1]) == pytest.approx(np.exp(-1), rel=0.15)
+
+
+def test_axes_do_not_follow_a_run_that_blows_up(opened) -> None:
+    page = opened(BLOWING)
+    assert page.run("return current.result.full.status") != "reached"
+    assert max(page.run("return [...views.plane.box, ...views.trace.box]")) < 100
+
+
+def test_a_note_of_an_ending_leads_to_its_moment(opened) -> None:
+    page = opened("van_der_pol", fragment="#end=4&epsilon=0.01&orders=0&s.x=2&s.y=0.66667")
+    ended = page.run(
+        "const note = [...document.querySelectorAll('#notes button')].find((b) => b.textContent.includes('order 0'));"
+        "note.click(); return [now, current.result.pieces[0].runs[0].ended];"
+    )
+    assert ended[0] == pytest.approx(ended[1], rel=1e-3)
+
+
+def test_what_is_exact_is_said_and_not_drawn_as_noise(opened) -> None:
+    page = opened(EXACT, fragment="#orders=0.1")
+    page.measured()
+    drawn, said = page.run(
+        "let dots = 0; const said = []; const view = views.errors; const { dot, name } = view;"
+        "view.dot = function (...a) { dots += 1; dot.apply(this, a); };"
+        "view.name = function (text, ...a) { said.push(text); name.call(this, text, ...a); };"
+        "draw(); delete view.dot; delete view.name; return [dots, said.filter((t) => typeof t === 'string')];"
+    )
+    assert drawn == 0
+    assert "exact to rounding: order 0, 1" in said
+
+
+def test_a_picture_is_saved_as_it_stands_and_its_numbers_with_it(opened) -> None:
+    page = opened("chaplygin_sleigh", fragment="#step=5")
+    page.measured()
+    for name in page.run("return Object.keys(views)"):
+        root = ET.fromstring(page.run("return svgOf(views[arguments[0]])", name))
+        kinds = [part.tag.rpartition("}")[2] for part in root.iter()]
+        assert kinds.count("path") > 3, name
+        assert kinds.count("text") > 3, name
+        rows = list(csv.reader(io.StringIO(page.run("return csvOf(arguments[0])", name))))
+        assert len({len(row) for row in rows}) == 1
+        assert len(rows) > 3
+    rows = list(csv.DictReader(io.StringIO(page.run("return csvOf('path')"))))
+    assert {row["run"] for row in rows} == {"full", "(18) as printed", "(18) with its sign corrected"}
+    last = [row for row in rows if row["run"] == "full"][-1]
+    expected = gsp.study(models.load("chaplygin_sleigh")).full(0.05)
+    assert float(last["x"]) == pytest.approx(expected["x"][-1], abs=1e-6)
+    saved = page.run(
+        "const got = []; offer = (blob, name) => got.push([name, blob.type, blob.size]);"
+        "for (const button of views.plane.figure.querySelectorAll('.save button')) button.click(); return got;"
+    )
+    page.driver.execute_async_script("setTimeout(arguments[0], 200)")
+    assert [name for name, *_ in saved][:2] == ["plane.svg", "plane.csv"] or len(saved) == 2
+    assert page.complaints() == []
+
+
+def test_nothing_plays_by_itself_where_motion_is_not_wanted(opened) -> None:
+    page = opened("chaplygin_sleigh")
+    assert page.run("return playing !== null")
+    wanted = {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
+    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", wanted)
+    try:
+        page.run("turnTo(1)")
+        assert page.run("return playing") is None
+        page.run("byId('play').click()")
+        assert page.run("return playing !== null")
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_paper_has_the_pictures_and_not_what_is_pressed(opened) -> None:
+    page = opened("chaplygin_sleigh")
+    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        seen = "return [...document.querySelectorAll(arguments[0])].filter((e) => e.offsetParent).length"
+        assert page.run(seen, "nav button, .save button, input[type=range]") == 0
+        assert page.run(seen, "canvas") > 0
+        assert page.run(seen, "#tale") == 1
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})

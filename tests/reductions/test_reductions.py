@@ -1,0 +1,341 @@
+"""What may be left out: each candidate's error against runs of SciPy, what is recommended, and where nothing is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+import gsp
+from gsp.choice import costs
+from gsp.choice.costs import Cost, cost_beside
+from gsp.reductions import reductions
+from gsp.reductions.reductions import Reductions, find_reductions
+
+TOLERANCE = 0.05
+# k1 = 1: k-1, k2, total enzyme, end of the span. From little enzyme to much, from fast binding to slow.
+ENZYMES = [
+    (0.5, 0.5, 0.01, 2000.0),
+    (0.5, 0.5, 1.0, 20.0),
+    (0.5, 0.5, 10.0, 20.0),
+    (10.0, 0.1, 1.0, 100.0),
+    (1.0, 0.01, 10.0, 1000.0),
+    (0.5, 0.5, 0.1, 200.0),
+    (0.01, 5.0, 0.1, 40.0),
+    (10.0, 10.0, 1.0, 20.0),
+    (100.0, 1.0, 5.0, 60.0),
+    (0.1, 0.1, 0.02, 1500.0),
+]
+
+
+def scene(
+    equations: Mapping[str, str], parameters: Mapping[str, float], start: Mapping[str, float], end: float
+) -> gsp.Scene:
+    symbols = {name: sp.Symbol(name) for name in (*equations, *parameters)}
+    field = gsp.VectorField(
+        {symbols[z]: sp.sympify(rate, locals=symbols) for z, rate in equations.items()},
+        parameters={symbols[p]: sp.Rational(str(value)) for p, value in parameters.items()},
+    )
+    return gsp.Scene(field, {}, start, (0, end), tolerance=TOLERANCE)
+
+
+def enzyme(km: float, k2: float, e0: float, end: float) -> gsp.Scene:
+    return scene(
+        {"s": "-(e0 - c)*s + km*c", "c": "(e0 - c)*s - (km + k2)*c"},
+        {"km": km, "k2": k2, "e0": e0},
+        {"s": 1, "c": 0},
+        end,
+    )
+
+
+def named(found: Reductions, words: str):
+    return next((each for each in found.found if words in each.name and each.order == 0), None)
+
+
+@pytest.mark.parametrize(
+    "values", [ENZYMES[1], *(pytest.param(v, marks=pytest.mark.exhaustive) for v in ENZYMES if v != ENZYMES[1])]
+)
+def test_errors_are_those_of_scipy_and_the_cheapest_that_serves_is_recommended(
+    values: tuple[float, float, float, float],
+) -> None:
+    km, k2, e0, end = values
+    found = find_reductions(enzyme(*values))
+
+    def bound(total: np.ndarray | float, loss: float) -> np.ndarray | float:
+        """The smaller root c of (e0 - c)(total - c) = loss c."""
+        b = e0 + total + loss
+        return 2 * e0 * total / (b + np.sqrt(b * b - 4 * e0 * total))
+
+    # The slow variable of each, from its own start: what it is of (s, c), its rate, and its start.
+    reductions: dict[str, tuple[Callable, Callable, float]] = {
+        "standard": (
+            lambda s, c: s,
+            lambda s: km * e0 * s / (s + km + k2) - e0 * s * (km + k2) / (s + km + k2),
+            1.0,
+        ),
+        "total": (lambda s, c: s + c, lambda t: -k2 * bound(t, km + k2), 1.0),
+        "partial": (lambda s, c: s + c, lambda t: -k2 * bound(t, km), 1.0),
+    }
+    compared = 0
+    for name, (of, rate, first) in reductions.items():
+        own = named(found, name)
+        if own is None or not np.isfinite(own.error):
+            continue
+        times = np.linspace(*own.measured, 97)
+        options = {"rtol": 1e-10, "atol": 1e-13, "method": "LSODA", "dense_output": True}
+        full = solve_ivp(
+            lambda t, z: [-(e0 - z[1]) * z[0] + km * z[1], (e0 - z[1]) * z[0] - (km + k2) * z[1]],
+            (0, end), [1.0, 0.0], **options,
+        )  # fmt: skip
+        reduced = solve_ivp(lambda t, x, rate=rate: [rate(x[0])], (0, end), [first], **options)
+        exact = of(*full.sol(times))
+        error = np.abs(reduced.sol(times)[0] - exact).max() / np.abs(exact).max()
+        assert own.error == pytest.approx(error, rel=0.02), name
+        compared += 1
+    assert compared >= 2
+    serving = [each for each in found.found if not each.why_not]
+    assert all(each.error <= TOLERANCE for each in serving)
+    if found.recommended is None:
+        assert not serving
+    else:
+        best = found.recommended
+        assert best in serving
+        assert not any(cost_beside(o.candidate, best.candidate) is Cost.LESS for o in serving)
+
+
+ALONE = {
+    "predator": ({"x": "x*(1 - y)", "y": "y*(x - 1)"}, {}, {"x": 2, "y": 1}, 20),
+    "oscillator": ({"x": "v", "v": "-x"}, {}, {"x": 1, "v": 0}, 20),
+    "lorenz": (
+        {"x": "10*(y - x)", "y": "x*(28 - z) - y", "z": "x*y - 8*z/3"}, {}, {"x": 1, "y": 1, "z": 1}, 20,
+    ),
+    "kuramoto": (
+        {"a": "w + sin(b - a) + sin(c - a)", "b": "3*w + sin(a - b) + sin(c - b)",
+         "c": "-4*w + sin(a - c) + sin(b - c)"},
+        {"w": 0.1}, {"a": 0, "b": 1, "c": 2}, 20,
+    ),
+    "diffusion": (
+        {"a": "b - 2*a", "b": "a + c - 2*b", "c": "b + d - 2*c", "d": "c - 2*d + 1"}, {},
+        {"a": 1, "b": 0, "c": 0, "d": 0}, 20,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name",
+    [n if n in ("predator", "oscillator") else pytest.param(n, marks=pytest.mark.exhaustive) for n in ALONE],
+)
+def test_nothing_is_offered_where_nothing_is_separated(name: str) -> None:
+    found = find_reductions(scene(*ALONE[name]))
+    assert found.recommended is None
+    assert found.taken is None
+    assert found.reason.startswith("Do not reduce")
+
+
+@pytest.mark.parametrize("cells", [3, pytest.param(6, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("tolerance", [0.2, pytest.param(1e-3, marks=pytest.mark.exhaustive)])
+def test_a_diffusion_line_of_any_length_is_left_whole_at_any_tolerance(cells: int, tolerance: float) -> None:
+    # Rates of neighbouring modes are sin^2 of multiples of one angle: at most four times apart.
+    names = [f"u{k}" for k in range(cells)]
+    rates = {
+        u: f"{names[k - 1] if k else '0'} - 2*{u} + {names[k + 1] if k + 1 < cells else '1'}"
+        for k, u in enumerate(names)
+    }
+    asked = scene(rates, {}, {u: float(u == "u0") for u in names}, 20)
+    found = find_reductions(asked, tolerance=tolerance)
+    assert found.found == ()
+    assert found.taken is None
+    assert "nothing is separated" in found.reason
+
+
+RAW = {
+    "motor": (
+        {"i": "(V - R*i - k*w)/L", "w": "(k*i - b*w)/J"},
+        {"V": 12, "R": 1, "L": 0.002, "k": 0.1, "b": 0.001, "J": 0.01}, {"i": 0, "w": 0}, 5,
+        "quasi-steady state of i", ["w"],
+    ),
+    "battery": (
+        {"q": "-I/3600", "u1": "I/C1 - u1/(R1*C1)", "u2": "I/C2 - u2/(R2*C2)"},
+        {"I": 1, "R1": 0.01, "C1": 1000, "R2": 0.02, "C2": 50000}, {"q": 1, "u1": 0, "u2": 0}, 3600,
+        "quasi-steady state of u1", ["q", "u2"],
+    ),
+    "power": (
+        {"d": "w", "w": "(Pm - E*V*sin(d)/X - D*w)/M", "E": "(Ka*(Vr - E) - E*(1 - cos(d))/10)/Ta"},
+        {"Pm": 0.8, "V": 1, "X": 0.5, "D": 1, "M": 5, "Ka": 20, "Vr": 1.1, "Ta": 0.5}, {"d": 0.3, "w": 0, "E": 1}, 20,
+        "quasi-steady state of E", ["d", "w"],
+    ),
+    "epidemic": (
+        {"S1": "-b1*S1*I1 + m*(S2 - S1)", "I1": "b1*S1*I1 - g*I1 + m*(I2 - I1)",
+         "S2": "-b2*S2*I2 + m*(S1 - S2)", "I2": "b2*S2*I2 - g*I2 + m*(I1 - I2)"},
+        {"b1": 0.6, "b2": 0.3, "g": 0.1, "m": 20}, {"S1": 0.99, "I1": 0.01, "S2": 1, "I2": 0}, 60,
+        "partial equilibria of", None,
+    ),
+    "drug": (
+        {"C": "-kel*C - kon*C*R + koff*RC", "R": "ksyn - kdeg*R - kon*C*R + koff*RC",
+         "RC": "kon*C*R - (koff + kint)*RC"},
+        {"kel": 0.1, "kon": 100, "koff": 10, "ksyn": 0.1, "kdeg": 0.1, "kint": 0.2}, {"C": 5, "R": 1, "RC": 0}, 30,
+        "RC <-> C + R", None,
+    ),
+    "joint": (
+        {"q1": "v1", "v1": "-k/mu^2*(q1 - q2)/M1 - d/mu*(v1 - v2)/M1 + u - c*v1", "q2": "v2",
+         "v2": "k/mu^2*(q1 - q2)/M2 + d/mu*(v1 - v2)/M2 - g*sin(q2)"},
+        {"k": 1, "mu": 0.05, "d": 1, "M1": 1, "M2": 2, "u": 0.5, "c": 0.2, "g": 1},
+        {"q1": 0, "v1": 0, "q2": 0, "v2": 0}, 20, "quasi-steady state along", None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in ("motor", "battery") else pytest.param(n, marks=pytest.mark.exhaustive) for n in RAW]
+)
+def test_raw_equations_lead_to_the_right_reduced_model(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(costs, "_seconds", lambda run: float(run().stats.field_calls))
+    *given, words, slow = RAW[name]
+    found = find_reductions(scene(*given))
+    assert found.recommended is not None
+    assert words in found.recommended.name
+    study = gsp.study(found.recommended.scene)
+    if slow is not None:
+        assert [s.name for s in study.system.x] == slow
+    assert f"->{found.recommended.name}" in str(found)
+
+
+def test_what_slows_the_machine_while_one_candidate_is_looked_at_changes_no_recommendation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(costs, "_seconds", lambda run: float(run().stats.field_calls))
+    quiet = find_reductions(enzyme(*ENZYMES[3]))
+    assert len({each.name for each in quiet.found if not each.why_not}) > 2
+    load = 1.0
+
+    def choose_under_load(study: gsp.Study, **how) -> gsp.Choice:
+        nonlocal load
+        load *= 1e-3
+        choice = gsp.choose(study, **how)
+        flows = [replace(c, timings=tuple(load * t for t in c.timings)) for c in choice.candidates[:-1]]
+        return replace(choice, candidates=(*flows, choice.candidates[-1]))
+
+    monkeypatch.setattr(reductions, "choose", choose_under_load)
+    found = find_reductions(enzyme(*ENZYMES[3]))
+    assert found.recommended.name == quiet.recommended.name
+    assert found.recommended.seconds == quiet.recommended.seconds
+
+
+def test_a_parameter_within_a_function_hides_no_candidate() -> None:
+    """Surface and deep ocean: T1/d stands in the tanh of the albedo, and T is fast by itself."""
+    rates = {"T": "(340*(0.6 + 0.1*tanh((T - T1)/d)) - 203 - 2.1*T - 0.7*(T - D))/8", "D": "0.7*(T - D)/1000"}
+    found = find_reductions(scene(rates, {"T1": 0, "d": 10}, {"T": 8, "D": 4}, 1000))
+    assert found.recommended is not None
+    assert found.recommended.name == "quasi-steady state of T"
+
+
+def test_corrections_are_not_looked_at_where_nothing_is_separated() -> None:
+    """A laser whose field decays as slowly as the run is long: the series of E diverges, and its runs take minutes."""
+    rates = {"E": "P - E", "P": "200*(E*D - P)", "D": "0.2*(3 - D - E*P)"}
+    found = find_reductions(scene(rates, {}, {"E": 0.1, "P": 0.1, "D": 1}, 30))
+    assert found.recommended is not None
+    assert found.recommended.name == "quasi-steady state of P"
+    of_e = [each for each in found.found if each.name == "quasi-steady state of E"]
+    assert [each.order for each in of_e] == [0]
+    assert of_e[0].why_not
+
+
+def test_two_fast_variables_with_scales_of_their_own_are_left_out_together() -> None:
+    """An amplifier's input node and output, rates 1e9 and 6e5, in front of a filter of 1 ms."""
+    rates = {
+        "vm": "((1 - vm)/1000 - (vm - vo)/10000)/1e-12",
+        "vo": "-6.28e6*vm - 62.8*vo",
+        "vc": "1000*(vo - vc)",
+    }
+    found = find_reductions(scene(rates, {}, {"vm": 0, "vo": 0, "vc": 0}, 0.01))
+    both = [each for each in found.found if each.name == "quasi-steady state of vm, vo"]
+    assert both
+    assert not any(each.why_not for each in both)
+
+
+def test_a_reactor_with_a_fast_wall_is_looked_at_to_the_end() -> None:
+    """At T = 0 Arrhenius' law has no value, and reduced flows of what is slow blow up: neither ends the search."""
+    rates = {
+        "c": "-k*c*exp(-E/T)",
+        "T": "q*k*c*exp(-E/T) - h*(T - W)",
+        "W": "(h*(T - W) - (W - Tc))/tau",
+    }
+    values = {"k": 1e6, "E": 15, "q": 2, "h": 1, "Tc": 1, "tau": 0.01}
+    found = find_reductions(scene(rates, values, {"c": 1, "T": 1, "W": 1}, 10))
+    ((wall, _),) = found.near
+    assert wall.vanishing == ("tau",)
+    T, W, h, Tc = sp.symbols("T W h Tc")
+    assert sp.simplify(wall.graph[W] - (h * T + Tc) / (h + 1)) == 0
+    # The reaction is faster than the wall while it runs away.
+    assert found.recommended is None
+
+
+def test_what_fades_over_the_run_is_not_fast_in_it() -> None:
+    # exp(-t/1000) over an hour: its layer would take half of the span.
+    found = find_reductions(scene(*RAW["battery"][:4]), tolerance=0.05)
+    assert all("u2" not in each.name or each.why_not for each in found.found)
+    longer = find_reductions(scene(*RAW["battery"][:3], 3600 * 24))
+    assert any("u1, u2" in each.name and not each.why_not for each in longer.found)
+
+
+def test_the_parameter_that_divides_the_fast_rate_is_named() -> None:
+    found = find_reductions(scene(*RAW["motor"][:4]))
+    assert found.recommended is not None
+    assert str(found.recommended.scene.system.epsilon) == "L"
+
+
+def test_a_scene_with_a_small_parameter_is_looked_at_without_it() -> None:
+    found = find_reductions(gsp.models.load("linear"), tolerance=0.1)
+    assert found.scene.epsilon is None
+    assert found.scene.tolerance == 0.1
+
+
+def test_special_values_of_the_parameters_stand_beside_with_their_errors() -> None:
+    km, k2, e0, end = 0.5, 0.5, 0.1, 200.0
+    found = find_reductions(enzyme(km, k2, e0, end))
+    (little,) = [each for each in found.special if each.vanishing == ("e0",)]
+    assert little.error == min(each.error for each in found.special)
+    full = solve_ivp(
+        lambda t, z: [-(e0 - z[1]) * z[0] + km * z[1], (e0 - z[1]) * z[0] - (km + k2) * z[1]],
+        (0, end), [1.0, 0.0], rtol=1e-10, atol=1e-13, method="LSODA", dense_output=True,
+    )  # fmt: skip
+    reduced = solve_ivp(
+        lambda t, s: -e0 * k2 * s / (km + k2 + s), (0, end), [1.0], rtol=1e-10, atol=1e-13, dense_output=True
+    )
+    times = np.linspace(0, end, 4001)
+    # At e0 = 0 the layer leads along s = 1 to c = 0 where it begins.
+    assert little.error == pytest.approx(np.abs(full.sol(times)[0] - reduced.sol(times)[0]).max(), rel=0.02)
+    assert "motion onto c = 0, for small e0" in str(found)
+    assert {"vanishing": ["e0"], "manifold": ["c"], "error": little.error} in found.as_dict()["special"]
+
+
+def test_a_parameter_that_divides_a_rational_rate_is_a_special_value_with_its_error() -> None:
+    tau, end = 0.01, 4.0
+    equations = {"u": "p - u*o", "o": "(u**2/(1 + u**2) - o)/tau"}
+    found = find_reductions(scene(equations, {"p": 1, "tau": tau}, {"u": 0.5, "o": 0.2}, end))
+    (fast_gate,) = [each for each in found.special if each.vanishing == ("tau",)]
+    # The start is on o = u^2/(1 + u^2), so that no layer comes before.
+    runs = [
+        solve_ivp(rates, (0, end), begin, rtol=1e-10, atol=1e-13, method="LSODA", dense_output=True)
+        for rates, begin in (
+            (lambda t, z: [1 - z[0] * z[1], (z[0] ** 2 / (1 + z[0] ** 2) - z[1]) / tau], [0.5, 0.2]),
+            (lambda t, u: 1 - u**3 / (1 + u**2), [0.5]),
+        )
+    ]
+    full, reduced = (run.sol(np.linspace(0, end, 4001))[0] for run in runs)
+    assert fast_gate.error == pytest.approx(np.abs(full - reduced).max() / full.max(), rel=0.02)
+
+
+@pytest.mark.exhaustive
+def test_where_no_part_with_a_name_serves_a_special_value_may() -> None:
+    # Neither u nor v alone is fast, the fast direction turns along the run, and no rate is that of a reaction.
+    k = {"a": 1, "b": 1, "k": 0.01}
+    equations = {"u": "a*(v**2 - u*v) - k*u*v", "v": "b*(u*v - v**2) - k*v**3"}
+    found = find_reductions(scene(equations, k, {"u": 2, "v": 1}, 100))
+    assert found.recommended is not None
+    assert found.recommended.name == "motion onto u - v = 0, for small k"
+    assert found.recommended.error <= TOLERANCE

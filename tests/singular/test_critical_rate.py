@@ -1,0 +1,205 @@
+"""Critical rates of ramps: formulas, runs on both sides, and always and never among the answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.errors import DeclarationError
+from gsp.singular.ramps.critical_rate import TippingVerdict, _verdict
+from gsp.singular.ramps.ramped import RampError
+
+x, l, r, mu, end = sp.symbols("x l r mu end")  # noqa: E741
+PARABOLA = gsp.VectorField(states={x: (x + l) ** 2 - mu}, epsilon=None, parameters={l: 0, mu: 1, end: 3})
+LOGISTIC = {l: l * (end - l)}
+
+PAIRS = [
+    (1, 3), (1, 2.5), (1, 2.1), (1, 10), (0.25, 1.1), (0.25, 4), (0.5, 1.5), (2, 3), (2, 7), (3, 3.6), (0.04, 0.5),
+    (9, 6.5), (1.7, 5),
+]  # fmt: skip
+
+
+def parabola(m: float, length: float) -> gsp.CriticalRate:
+    root = m**0.5
+    return gsp.critical_rate(
+        PARABOLA.with_parameters(mu=m, end=length), ramp=LOGISTIC,
+        start={"x": -root, "l": 0}, edge={"x": root - length, "l": length},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("m", "length"), PAIRS)
+def test_the_rates_of_the_parabola_have_a_formula(m: float, length: float) -> None:
+    found = parabola(m, length)
+    exact = 4 * m / (length * (length - 2 * m**0.5))
+    assert found.verdict is TippingVerdict.ABOVE
+    assert found.rates == (pytest.approx(exact, rel=1e-12),)
+    assert found.error is not None
+    assert found.error < 1e-12 * exact
+
+
+@pytest.mark.parametrize("length", [0.5, 1.9])
+def test_a_short_ramp_never_tips(length: float) -> None:
+    found = parabola(1, length)
+    assert (found.verdict, found.rate, found.error) == (TippingVerdict.NEVER, None, None)
+
+
+@pytest.mark.parametrize("m", [1, 0.7, 3])
+def test_a_linear_ramp_without_end_tips_at_mu(m: float) -> None:
+    field = PARABOLA.with_parameters(mu=m)
+    found = gsp.critical_rate(field, ramp={l: 1}, start={"x": -(m**0.5), "l": 0})
+    assert found.verdict is TippingVerdict.ABOVE
+    assert found.rate == pytest.approx(m, rel=1e-15)
+    # Downwards the rest points part.
+    back = gsp.critical_rate(field, ramp={l: -1}, start={"x": -(m**0.5), "l": 0})
+    assert back.verdict is TippingVerdict.NEVER
+
+
+def test_a_long_linear_ramp_is_near_the_one_without_end() -> None:
+    """u' = u^2 - 1 + r from -1 to 1 takes the time 2 atan(1/w)/w, w^2 = r - 1: that of the ramp, L/r."""
+    length = 20.0
+    found = gsp.critical_rate(
+        PARABOLA, ramp={l: 1}, start={"x": -1, "l": 0}, edge={"x": 1 - length, "l": length}
+    )
+    assert found.rate is not None
+    w = (found.rate - 1) ** 0.5
+    assert 2 * np.arctan(1 / w) / w == pytest.approx(length / found.rate, rel=1e-12)
+
+
+WELLS = gsp.VectorField(
+    states={x: (x + l) * (1 - x - l) * (1 + x + l) + (x + l) ** 2 / 5}, epsilon=None, parameters={l: 0}
+)
+
+
+def test_a_double_well_tips_on_the_side_that_is_said() -> None:
+    """Runs of x and l together, at rates a millionth below and above."""
+    low, high = (sp.Rational(1, 10) - s * sp.sqrt(101) / 10 for s in (1, -1))
+    assert float(low) < 0.0 < float(high)
+    found = gsp.critical_rate(
+        WELLS, ramp={l: l * (3 - l) * (1 + l / 4)}, start={"x": low, "l": 0}, edge={"x": -3, "l": 3}
+    )
+    assert (found.verdict, len(found.rates)) == (TippingVerdict.ABOVE, 1)
+    assert found.rate is not None
+    together = gsp.VectorField(
+        states={x: WELLS.rates[0], l: r * l * (3 - l) * (1 + l / 4)}, epsilon=None, parameters={r: 1}
+    )
+    f_x, f_l = (float(WELLS.rates[0].diff(s).subs({x: low, l: 0})) for s in (x, l))
+    slope = f_l / (3 * found.rate - f_x)
+    begun = {"x": float(low) + slope * 1e-5, "l": 1e-5}  # along the unstable set
+    ends = [
+        gsp.integrate(
+            together.with_parameters(r=found.rate * factor), start=begun, span=(0, 60), rtol=1e-11, atol=1e-13
+        )["x"][-1] + 3
+        for factor in (1 - 1e-6, 1 + 1e-6)
+    ]  # fmt: skip
+    assert ends == [pytest.approx(float(low)), pytest.approx(float(high))]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_verdict_is_wrong_about_wells_that_move_to_and_fro(seed: int) -> None:
+    """Where the end of runs over l changes between rates there is one of those found, unless it is undecided."""
+    drawn = np.random.default_rng(seed)
+    a, b, c, d = (sp.Rational(int(k), 10) for k in drawn.integers(-20, 21, size=4))
+    u = x + 3 * (a * l + b * l**2 + c * sp.sin(3 * l) / 2)
+    rate = u - u**3 + d * l * (1 - l) / 3
+    end = -float(u.subs({x: 0, l: 1}))
+    field = gsp.VectorField(states={x: rate}, epsilon=None, parameters={l: 0})
+    found = gsp.critical_rate(field, ramp={l: 1}, start={"x": -1, "l": 0}, edge={"x": end, "l": 1})
+    over = gsp.VectorField(states={x: rate / r, l: 1}, epsilon=None, parameters={r: 1})
+    tried = np.logspace(-1.5, 1.5, 31)
+    above = [
+        gsp.integrate(over.with_parameters(r=value), start={"x": -1, "l": 0}, span=(0, 1), rtol=1e-9)["x"][-1]
+        > end
+        for value in tried
+    ]
+    changes = [(p, q) for p, q, i, j in zip(tried, tried[1:], above, above[1:]) if i != j]
+    between = [value for value in found.rates if tried[0] < value < tried[-1]]
+    if found.verdict is not TippingVerdict.UNDECIDED:
+        assert len(changes) == len(between)
+        assert all(p <= value <= q for (p, q), value in zip(changes, between))
+
+
+def test_a_ramp_past_a_fold_always_tips() -> None:
+    cubic = gsp.VectorField(states={x: x - x**3 + l}, epsilon=None, parameters={l: 0})
+    found = gsp.critical_rate(cubic, ramp={l: 1 - l**2}, start={"x": -1.3247, "l": -1}, edge={"x": 0, "l": 1})
+    assert found.verdict is TippingVerdict.ALWAYS
+    assert "a fold on the way" in found.message
+
+
+def test_a_push_that_ends_soon_enough_does_not_tip() -> None:
+    """x' = x^2 - 1 + 8 l (1 - l): no rest point half way, and the one of the start where the ramp ends."""
+    pushed = gsp.VectorField(states={x: x**2 - 1 + 8 * l * (1 - l)}, epsilon=None, parameters={l: 0})
+    found = gsp.critical_rate(pushed, ramp={l: 1}, start={"x": -1, "l": 0}, edge={"x": 1, "l": 1})
+    assert (found.verdict, len(found.rates)) == (TippingVerdict.BELOW, 1)
+    assert found.rate is not None
+    for factor, reached in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        rate = found.rate * factor
+        over = gsp.VectorField(states={x: pushed.rates[0] / rate, l: 1}, epsilon=None)
+        run = gsp.integrate(over, start={"x": -1, "l": 0}, span=(0, 1), rtol=1e-11, atol=1e-13)
+        assert (run["x"][-1] > 1) == reached
+
+
+def test_the_orbit_leads_from_the_start_to_the_edge() -> None:
+    found = parabola(2, 7)
+    (orbit,) = found.connections
+    assert (orbit.phase[0], orbit.x[0]) == (0.0, pytest.approx(-(2**0.5)))
+    assert (orbit.phase[-1], orbit.x[-1]) == (7.0, pytest.approx(2**0.5 - 7))
+    assert orbit.x == pytest.approx(orbit.x[0] + (orbit.x[-1] - orbit.x[0]) * orbit.phase / 7, abs=1e-12)
+
+
+def test_units_do_not_matter() -> None:
+    field = gsp.VectorField(
+        states={x: 1000 * ((x / 1000 + l * 1e6) ** 2 - 1) * 60}, epsilon=None, parameters={l: 0}
+    )
+    found = gsp.critical_rate(
+        field, ramp={l: l * (3e-6 - l)}, start={"x": -1000, "l": 0}, edge={"x": -2000, "l": 3e-6}
+    )
+    assert found.rate == pytest.approx(4 / 3 * 60 * 1e6, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("tips", "count", "verdict"),
+    [
+        ((False, True), 1, TippingVerdict.ABOVE),
+        ((True, False), 1, TippingVerdict.BELOW),
+        ((False, False), 2, TippingVerdict.WINDOWS),
+        ((False, True), 3, TippingVerdict.WINDOWS),
+        ((False, False), 0, TippingVerdict.NEVER),
+        ((True, True), 0, TippingVerdict.ALWAYS),
+        ((False, True), 0, TippingVerdict.UNDECIDED),
+        ((False, False), 1, TippingVerdict.UNDECIDED),
+    ],
+)
+def test_the_verdict_counts_rates_between_slow_and_fast(tips, count, verdict) -> None:
+    assert _verdict(tips, count)[0] is verdict
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"start": {"x": 1, "l": 0}}, "no attracting rest point"),
+        ({"edge": {"x": -4, "l": 3}}, "no repelling rest point"),
+        ({"edge": {"x": -3, "l": 4}}, "does not lead"),
+        ({"ramp": {l: l**2 * (3 - l)}}, "multiple zero"),
+        ({"ramp": {l: l * (3 - l)}, "edge": None}, "moving frame"),
+    ],
+)
+def test_a_ramp_that_cannot_be_told_is_refused_by_name(given: dict, said: str) -> None:
+    whole = {"ramp": LOGISTIC, "start": {"x": -1, "l": 0}, "edge": {"x": -2, "l": 3}, **given}
+    with pytest.raises(RampError, match=said):
+        gsp.critical_rate(PARABOLA, **whole)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"ramp": {r: 1}}, "one parameter of the field"),
+        ({"ramp": {l: r}}, "holds r"),
+        ({"start": {"x": -1}}, "start names x and l"),
+    ],
+)
+def test_what_is_not_well_formed_is_refused_by_name(given: dict, said: str) -> None:
+    whole = {"ramp": LOGISTIC, "start": {"x": -1, "l": 0}, "edge": {"x": -2, "l": 3}, **given}
+    with pytest.raises(DeclarationError, match=said):
+        gsp.critical_rate(PARABOLA, **whole)

@@ -1,0 +1,208 @@
+"""Critical rates of several states: formulas in turned coordinates, published thresholds, and runs on both sides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import gsp
+from gsp.singular.ramps.critical_rate import TippingVerdict
+from gsp.singular.ramps.ramped import RampError
+from gsp.systems.ramp import PHASE, Ramp
+
+x, y, z, l, mu = sp.symbols("x y z l mu")  # noqa: E741
+PARABOLA = (x + l) ** 2 - mu
+
+
+def turned(rates: dict[sp.Symbol, sp.Expr], scale: sp.Expr = sp.S.One) -> tuple[gsp.VectorField, sp.Matrix]:
+    """The field in coordinates U with X = M U, and M."""
+    states = list(rates)
+    n = len(states)
+    M = sp.Matrix(n, n, lambda i, j: 1 if i == j else sp.Rational(i - 2 * j, 3)) * sp.diag(
+        *([1] * (n - 1)), scale
+    )
+    old = dict(zip(states, M * sp.Matrix(states)))
+    new = M.LUsolve(sp.Matrix([sp.sympify(r).xreplace(old) for r in rates.values()]))
+    field = gsp.VectorField(dict(zip(states, new)), epsilon=None, parameters={l: 0, mu: 1})
+    return field, M
+
+
+def in_turned(M: sp.Matrix, point: list[float]) -> dict[str, float]:
+    return {s.name: float(v) for s, v in zip((x, y, z), M.LUsolve(sp.Matrix(point)))}
+
+
+@pytest.mark.parametrize(("m", "length"), [(1, 3), (1, 2.5), (0.25, 4), (3, 3.6)])
+@pytest.mark.parametrize("decay", [-3, -sp.Rational(1, 5)])
+def test_a_parabola_among_other_states_has_its_rate(m: float, length: float, decay: sp.Expr) -> None:
+    """r_c = 4 mu/(L (L - 2 sqrt(mu))), whatever y does that x does not feel, in turned coordinates."""
+    field, M = turned({x: PARABOLA, y: decay * (y - x * l)})
+    root = m**0.5
+    found = gsp.critical_rate(
+        field.with_parameters(mu=m), ramp=Ramp.logistic({l: (0, length)}), start=in_turned(M, [-root, 0]),
+        edge=in_turned(M, [root - length, (root - length) * length]),
+    )  # fmt: skip
+    exact = 4 * m / (length * (length - 2 * root))
+    assert found.verdict is TippingVerdict.ABOVE
+    assert found.rates == (pytest.approx(exact, rel=1e-10),)
+    assert found.error is not None
+    assert abs(found.rates[0] - exact) <= 10 * found.error + 1e-12 * exact
+
+
+def test_three_states_in_units_far_apart() -> None:
+    field, M = turned({x: PARABOLA, y: -y + x / 2, z: -2 * z + y * x}, scale=sp.Rational(1, 10**6))
+    edge = [-2, -1, 1]
+    found = gsp.critical_rate(
+        field, ramp={l: l * (3 - l)}, start={**in_turned(M, [-1, -sp.Rational(1, 2), sp.Rational(1, 4)]), "l": 0},
+        edge={**in_turned(M, edge), "l": 3},
+    )  # fmt: skip
+    assert found.rates == (pytest.approx(4 / 3, rel=1e-10),)
+
+
+RAMPS = {
+    "tanh": Ramp.tanh({l: (0, 3)}),
+    "there and back": Ramp.there_and_back({l: (0, 5)}),
+    "linear with ends": Ramp.linear_with_ends({l: (0, 3)}),
+    "sech and stop": Ramp({l: 3 * sp.sin(PHASE)}, sp.sin(PHASE), (0, sp.pi / 2)),
+}
+
+
+@pytest.mark.parametrize("name", RAMPS)
+def test_one_state_and_several_agree_on_every_kind_of_ramp(name: str) -> None:
+    """Collocation over the phase against runs that are matched at a section."""
+    alone = gsp.VectorField({x: PARABOLA}, epsilon=None, parameters={l: 0, mu: 1})
+    last = RAMPS[name].parameters[l].xreplace({PHASE: RAMPS[name].ends[1]})
+    edge = [float(1 - last), float(1 - last) / 2]
+    one = gsp.critical_rate(alone, ramp=RAMPS[name], start={"x": -1}, edge={"x": edge[0]})
+    field, M = turned({x: PARABOLA, y: x - 2 * y})
+    two = gsp.critical_rate(field, ramp=RAMPS[name], start=in_turned(M, [-1, -0.5]), edge=in_turned(M, edge))
+    assert one.verdict is two.verdict
+    assert two.rates == pytest.approx(one.rates, rel=1e-10)
+    assert one.rates
+
+
+def test_there_and_back_tips_in_a_window_of_rates() -> None:
+    """Slow ramps are followed, fast ones are over before the state has moved."""
+    alone = gsp.VectorField({x: PARABOLA}, epsilon=None, parameters={l: 0, mu: 1})
+    found = gsp.critical_rate(alone, ramp=RAMPS["there and back"], start={"x": -1}, edge={"x": 1})
+    assert (found.verdict, len(found.rates)) == (TippingVerdict.WINDOWS, 2)
+    small = gsp.critical_rate(
+        alone, ramp=RAMPS["there and back"].amplified(0.3), start={"x": -1}, edge={"x": 1}
+    )
+    assert small.verdict is TippingVerdict.NEVER
+
+
+P, H, rho = sp.symbols("P H rho")
+GRAZED = P**2 / (P**2 + 100) * sp.exp(-P / 40)
+MORTALITY = (rho - sp.Rational(1, 2)) / 30 + sp.Rational(1, 8)
+HERBIVORES = gsp.VectorField(
+    {
+        P: rho * P - P**2 / 50 - H * GRAZED,
+        H: (sp.Rational(2, 5) * GRAZED * sp.exp(-P / 40) - MORTALITY) * H,
+    },
+    epsilon=None, parameters={rho: 0.5},
+)  # fmt: skip
+# The fold of the model, by which amplitudes are divided.
+FOLD = sp.Rational(6966, 10000) - sp.Rational(1, 2)
+HOME = {"P": 10.69, "H": 7.494}
+
+
+def herbivores_edge(growth: float) -> dict[str, float]:
+    """The saddle with herbivores: the larger P at which these live, and the H that it feeds."""
+    rates = [e.xreplace({rho: sp.Float(growth)}) for e in (HERBIVORES.rates[1] / H, HERBIVORES.rates[0])]
+    value = sp.lambdify(P, rates[0])
+    from scipy.optimize import brentq
+
+    plants = brentq(value, 13.5, 40.0)
+    return {"P": plants, "H": float(sp.solve(rates[1].xreplace({P: sp.Float(plants)}), H)[0])}
+
+
+# Peak change of growth over that of the fold, and rates per day at which it tips, of a sech that stays at its peak and
+# of one that returns: figure 5 of Ritchie, Alkhayuon, Cox and Wieczorek, Earth Syst. Dynam. 14 (2023) 669-683, in its
+# authors' table of data, made by runs and bisection with a relative tolerance of 1e-10.
+STAYING = [(0.944427317984952, 0.00514175182768393), (0.456332873045051, 0.0599484250318941)]
+RETURNING = [
+    (0.944719175379306, 0.00514175182768393), (0.631539655497497, 0.026437611857491),
+    (0.568675118242666, 0.0599484250318941), (1.13125961071341, 0.308239923974514),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "rate"), STAYING)
+def test_published_rates_of_plants_and_herbivores(change: float, rate: float) -> None:
+    peak = sp.Rational(1, 2) + FOLD * sp.Rational(str(change))
+    ramp = Ramp(
+        {rho: sp.Rational(1, 2) + (peak - sp.Rational(1, 2)) * sp.sin(PHASE)}, sp.sin(PHASE), (0, sp.pi / 2)
+    )
+    found = gsp.critical_rate(HERBIVORES, ramp=ramp, start=HOME, edge=herbivores_edge(float(peak)))
+    assert found.verdict is TippingVerdict.ABOVE
+    assert found.rates == (pytest.approx(rate, rel=2e-9),)
+
+
+@pytest.mark.parametrize(("change", "rate"), RETURNING)
+def test_published_points_of_return_of_plants_and_herbivores(change: float, rate: float) -> None:
+    peak = sp.Rational(1, 2) + FOLD * sp.Rational(str(change))
+    found = gsp.critical_rate(
+        HERBIVORES, ramp=Ramp.there_and_back({rho: (0.5, peak)}), start=HOME, edge=herbivores_edge(0.5)
+    )
+    assert found.verdict is (TippingVerdict.WINDOWS if change < 1 else TippingVerdict.BELOW)
+    assert len(found.rates) == (2 if change < 1 else 1)
+    assert min(abs(r / rate - 1) for r in found.rates) < 2e-9
+
+
+def test_the_orbit_leads_to_the_edge() -> None:
+    peak = 0.6
+    found = gsp.critical_rate(
+        HERBIVORES, ramp=Ramp.tanh({rho: (0.5, peak)}), start=HOME, edge=herbivores_edge(peak)
+    )
+    (orbit,) = found.connections
+    assert found.edge is not None
+    edge = np.array([found.edge["P"], found.edge["H"]])
+    assert orbit.x[0] == pytest.approx([found.start["P"], found.start["H"]])
+    assert np.abs(orbit.x / edge - 1).max(axis=1).min() < 1e-6
+
+
+def test_an_attracting_end_is_no_edge() -> None:
+    with pytest.raises(RampError, match="one unstable direction"):
+        gsp.critical_rate(
+            HERBIVORES, ramp=Ramp.tanh({rho: (0.5, 0.6)}), start=HOME, edge={"P": 11.55, "H": 9.95}
+        )
+
+
+def test_a_saddle_that_orbits_do_not_pass_has_no_rate() -> None:
+    """Predators that die out at all rates: what changes is when, and the saddle without them is passed by no orbit."""
+    y_, z_ = sp.symbols("y z")
+    field = gsp.VectorField(
+        {x: x * (x - l) * (1 - x) - x * y_ / 2, y_: y_ * (x / 2 - sp.Rational(3, 10) - y_ / 5), z_: x - z_},
+        epsilon=None, parameters={l: 0.1},
+    )  # fmt: skip
+    found = gsp.critical_rate(
+        field, ramp=Ramp.logistic({l: (0.1, 0.45)}), start={"x": 0.735, "y": 0.337, "z": 0.735},
+        edge={"x": 1, "y": 0, "z": 1},
+    )  # fmt: skip
+    assert found.rates == ()
+
+
+def test_an_edge_that_is_a_cycle_is_asked_about_by_a_level() -> None:
+    """Inside the cycle |z - l| = 1 the state comes home, beyond it it blows up: where the ramp ends, that decides."""
+    offset = x - l
+    rate = 1 - offset**2 - y**2
+    field = gsp.VectorField({x: -offset * rate - y, y: -y * rate + offset}, epsilon=None, parameters={l: 0})
+    ramp, start = Ramp.linear_with_ends({l: (0, 3)}), {"x": 0, "y": 0}
+    with pytest.raises(RampError, match="a cycle name a level of one state beyond it"):
+        gsp.critical_rate(field, ramp=ramp, start=start, edge={"x": 4, "y": 0})
+    found = [gsp.critical_rate(field, ramp=ramp, start=start, edge={"x": level}) for level in (5, 20)]
+
+    def beyond(r: float) -> float:
+        def rates(t: float, u: np.ndarray) -> list[float]:
+            d = u[0] - r * t
+            decay = 1 - d * d - u[1] ** 2
+            return [-d * decay - u[1], -u[1] * decay + d]
+
+        end = solve_ivp(rates, (0, 3 / r), [0.0, 0.0], rtol=1e-12, atol=1e-14).y[:, -1]
+        return float(np.hypot(end[0] - 3, end[1]) - 1)
+
+    wanted = brentq(beyond, 0.3, 0.9, xtol=1e-14)
+    assert [f.rate for f in found] == pytest.approx([wanted] * 2, rel=1e-9)
+    assert all(f.verdict is TippingVerdict.ABOVE for f in found)

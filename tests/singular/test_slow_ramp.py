@@ -1,0 +1,105 @@
+"""Slow ramps: canards as series, against rates that were found, a formula, and runs of an excitable system."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.singular.ramps.critical_rate import TippingVerdict
+from gsp.singular.ramps.ramped import RampError
+from gsp.singular.singularities.folded_singularities import FoldedKind
+from gsp.systems.ramp import Ramp
+
+x, l, T, C, air, eps = sp.symbols("x l T C T_a epsilon")  # noqa: E741
+FOLD = gsp.VectorField({x: x**2 + l - 1}, epsilon=None, parameters={l: 0})
+
+
+def over(peak: float) -> gsp.CriticalRate:
+    return gsp.critical_rate(FOLD, ramp=Ramp.there_and_back({l: (0, peak)}), start={"x": -1}, edge={"x": 1})
+
+
+def test_a_ramp_over_a_fold_and_back_tips_slowly_by_a_series_in_the_rate() -> None:
+    """b = 1 + r/sqrt(2) + ...: where x' = x^2 + d - s^2/2, s' = r has the canard x = s/sqrt(2), d = r/sqrt(2)."""
+    found = over(1.02)
+    assert found.verdict is TippingVerdict.BELOW
+    series = gsp.slow_ramp(found, order=4)
+    assert series.is_amplitude
+    assert 1.02 * series.coefficients[:2] == pytest.approx([1, 0.5**0.5], rel=1e-9)
+    assert series.errors[:3].max() < 1e-6
+    assert abs(series.difference) < 1e-8
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_series_is_off_by_its_next_term(order: int) -> None:
+    """Amplitudes at rates that collocation found apart from it; the slope of what is missing."""
+    series = gsp.slow_ramp(over(1.02), order=order)
+    found = [over(peak) for peak in (1.03, 1.05)]
+    rates = np.array([f.rates[0] for f in found])
+    missing = [abs(1.02 * series.value(r) - peak) for r, peak in zip(rates, (1.03, 1.05))]
+    slope = np.diff(np.log(missing))[0] / np.diff(np.log(rates))[0]
+    assert slope == pytest.approx(order + 1, abs=0.1)
+
+
+# The compost bomb with its authors' numbers: C. M. Luke, P. M. Cox, Eur. J. Soil Sci. 62 (2011) 5-12, S. Wieczorek,
+# P. Ashwin, C. M. Luke, P. M. Cox, Proc. R. Soc. A 467 (2011) 1243-1269; years, degrees, and kg of carbon per m^2.
+LITTER, COOLING = sp.Rational(1055, 1000), sp.Rational(5049, 39000)
+RESPIRED = C / 100 * sp.exp(T * sp.log(sp.Rational(5, 2)) / 10)
+COMPOST = gsp.SlowFastSystem(
+    slow={C: LITTER - RESPIRED}, fast={T: RESPIRED - COOLING * (T - air)}, epsilon=eps, parameters={air: 0}
+)
+EPSILON = 2.5 / 39
+
+
+def warming(epsilon: float, level: float = 60) -> gsp.CriticalRate:
+    return gsp.critical_rate(
+        COMPOST, ramp=Ramp.linear_with_ends({air: (0, 20)}), start={"T": 8, "C": 50}, edge={"T": level},
+        epsilon=epsilon,
+    )  # fmt: skip
+
+
+def test_the_compost_bomb_starts_where_it_is_said_to() -> None:
+    found = warming(EPSILON)
+    assert (round(found.start["T"], 2), round(found.start["C"], 1)) == (8.15, 50.0)
+    assert found.verdict is TippingVerdict.ABOVE
+    assert found.edge is None
+
+
+def test_the_rate_of_the_compost_bomb_does_not_depend_on_the_level() -> None:
+    """Bisection of runs by SciPy's Radau, at levels of 30 and 60, ends between 0.08848328 and 0.08848335."""
+    rates = [warming(EPSILON, level).rates[0] for level in (40, 90)]
+    assert rates[0] == pytest.approx(rates[1], rel=1e-10)
+    assert 0.08848328 < rates[0] < 0.08848335
+
+
+def test_the_compost_bomb_goes_through_a_folded_saddle() -> None:
+    """The number is off the series by epsilon^2, as its start is off the slow manifold."""
+    found = [warming(epsilon) for epsilon in (0.01, 0.005)]
+    series = [gsp.slow_ramp(each, order=3) for each in found]
+    assert series[0].singularity is not None
+    assert series[0].singularity.kind is FoldedKind.SADDLE
+    assert series[0].coefficients[:3] == pytest.approx(series[1].coefficients[:3], rel=1e-5)
+    assert series[0].difference / series[1].difference == pytest.approx(4, rel=0.05)
+    assert not series[0].is_amplitude
+
+
+def test_a_level_tells_nothing_where_the_rest_point_is_lost() -> None:
+    y = sp.Symbol("y")
+    field = gsp.VectorField({x: -(x**2) - l, y: x - y}, epsilon=None, parameters={l: -1})
+    with pytest.raises(RampError, match="does not attract as far"):
+        gsp.critical_rate(field, ramp=Ramp.tanh({l: (-1, 1)}), start={"x": 1, "y": 1}, edge={"x": -9})
+
+
+def test_a_canard_of_a_ramp_that_starts_at_rest_is_refused_by_name() -> None:
+    """Orbits that track are smooth as well: least squares met rates from 0.007 to 0.019 where 0.0155 is right."""
+    ramp = Ramp.tanh({air: (0, 20)})
+    found = gsp.critical_rate(COMPOST, ramp=ramp, start={"T": 8, "C": 50}, edge={"T": 60}, epsilon=0.05)
+    assert found.rate is not None
+    with pytest.raises(RampError, match="starts at rest"):
+        gsp.slow_ramp(found)
+
+
+def test_there_is_nothing_to_start_from_where_no_ramp_tips() -> None:
+    with pytest.raises(RampError, match="no threshold to start from"):
+        gsp.slow_ramp(over(0.5))

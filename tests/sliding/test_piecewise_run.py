@@ -1,0 +1,162 @@
+"""Runs of fields that switch: crossing, sliding and leaving, against exact solutions and stiff runs of SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+from gsp.critical.loss_kind import LossKind
+from gsp.errors import DeclarationError, GspError
+from gsp.sliding.law import W
+from gsp.sliding.piecewise_field import PiecewiseField
+from gsp.sliding.piecewise_run import PiecewiseRun, Side, run_piecewise
+
+x, y, z, u, t = sp.symbols("x y z u t")
+fold = PiecewiseField({x: 1, y: x}, {x: 1, y: 1}, y)
+belt = PiecewiseField(
+    {x: u, u: -x + sp.Rational(2, 5)}, {x: u, u: -x - sp.Rational(2, 5)}, sp.Rational(1, 5) - u
+)
+stribeck = W / sp.sqrt(1 + W**2) + 3 * W / (1 + W**2)
+PEAK = 0.897747883876394
+
+
+def sides(run: PiecewiseRun) -> list[Side]:
+    return [piece.side for piece in run.pieces]
+
+
+def test_a_run_crosses_slides_and_leaves() -> None:
+    """From (-3, -1) up to y = 0 at t = 1, where x = -2; sliding to the fold at x = 0; then y = x^2/2."""
+    run = run_piecewise(fold, start={"x": -3, "y": -1}, span=(0, 4))
+    assert sides(run) == [Side.MINUS, Side.SLIDING, Side.PLUS]
+    assert run.changes == pytest.approx((1.0, 3.0), abs=1e-10)
+    assert [piece.loss for piece in run.pieces] == [None, LossKind.VISIBLE_FOLD, None]
+    assert (run["x"][-1], run["y"][-1]) == pytest.approx((1.0, 0.5), abs=1e-9)
+    crossing = run_piecewise(fold, start={"x": 1, "y": -1}, span=(0, 2))
+    assert sides(crossing) == [Side.MINUS, Side.PLUS]
+    assert crossing["y"][-1] == pytest.approx((9 - 4) / 2, abs=1e-9)
+
+
+def test_the_belt_with_an_overshooting_law_sticks_and_slips_with_the_limit_period() -> None:
+    """Sticking from x_l to the fold at the belt's speed, and an arc of a circle about x = 0.4."""
+    run = run_piecewise(belt, start={"x": 0, "u": 0.2}, span=(0, 40), phi=stribeck)
+    assert {piece.loss for piece in run.pieces} == {LossKind.SLIP_ONSET, None}
+    angle = np.arctan2(0.2, PEAK - 0.4)
+    period = 2 * (PEAK - 0.4) / 0.2 + np.pi + 2 * angle
+    assert period == pytest.approx(8.8832027200, abs=1e-9)
+    assert np.diff(run.changes[::2]) == pytest.approx(period, abs=1e-9)
+
+
+def test_rates_that_are_exponentials_slide_and_leave() -> None:
+    """Y+ = -exp(-x) < 0 < Y- = exp(x) - 2 from x = ln 2 on, leaving where X- turns away."""
+    field = PiecewiseField({x: -1, y: -sp.exp(-x)}, {x: -1, y: sp.exp(x) - 2}, y)
+    run = run_piecewise(field, start={"x": 2, "y": 0}, span=(0, 2))
+    assert sides(run) == [Side.SLIDING, Side.MINUS]
+    assert run.changes == pytest.approx((2 - np.log(2),), abs=1e-10)
+
+
+def test_a_monotone_law_lets_go_at_the_fold_of_the_field() -> None:
+    run = run_piecewise(belt, start={"x": 0, "u": 0.2}, span=(0, 4))
+    assert run.changes == pytest.approx((2.0,), abs=1e-10)
+    assert run.pieces[0].run["x"][-1] == pytest.approx(0.4, abs=1e-10)
+
+
+def test_an_orbit_that_touches_the_surface_stays_on_its_side() -> None:
+    """Leaving the fold at (0.4, 0.2) the orbit is a circle that comes back to touch the surface there."""
+    run = run_piecewise(belt, start={"x": 0.4, "u": 0.2 - 1e-3}, span=(0, 30))
+    assert sides(run) == [Side.PLUS]
+    touching = run_piecewise(belt, start={"x": 0, "u": 0.2}, span=(0, 20))
+    assert Side.MINUS not in sides(touching)
+
+
+def test_a_block_on_a_shaken_table_sticks_and_slips_as_the_stiff_run_does() -> None:
+    """u' = A cos(t) - mu g sign(u), smoothed by tanh at epsilon = 1e-6: times of change to 1e-5."""
+    rates = {t: sp.S.One, u: 3 * sp.cos(t) - 2}, {t: sp.S.One, u: 3 * sp.cos(t) + 2}
+    run = run_piecewise(PiecewiseField(*rates, u), start={"t": 0, "u": 0}, span=(0, 12))
+    epsilon = 1e-6
+
+    def rate(time, state):
+        return [3 * np.cos(time) - 2 * np.tanh(state[0] / epsilon)]
+
+    def slope(time, state):
+        return [[-2 / np.cosh(min(abs(state[0]) / epsilon, 300.0)) ** 2 / epsilon]]
+
+    stiff = solve_ivp(rate, (0, 12), [0.0], "Radau", rtol=1e-10, atol=1e-14, jac=slope, dense_output=True)
+    for change in run.changes:
+        before, after = (abs(stiff.sol(change + shift)[0]) for shift in (-1e-2, 1e-2))
+        assert min(before, after) < 20 * epsilon < max(before, after)
+    assert Side.SLIDING in sides(run)
+    assert abs(run["u"][-1] - stiff.y[0, -1]) < 1e-5
+
+
+@pytest.mark.parametrize("start", [(-1.0, -0.5), (-1.0, -1.0), (-0.3, -1.7), (-2.0, -0.01)])
+def test_a_run_into_a_two_fold_ends_there_by_name(start: tuple[float, float]) -> None:
+    """With w = -(x + z) and u = x - z, w' = -1 and u' = -3 u/w: u = u_0 (w/w_0)^3, so that all sliding orbits end at 0.
+
+    Both folds and the end of sliding are one event to rounding, whichever is located first.
+    """
+    given = PiecewiseField({x: -1, y: x, z: 2}, {x: 2, y: -z, z: -1}, y)
+    run = run_piecewise(given, start={"x": start[0], "y": 0, "z": start[1]}, span=(0, 4))
+    (piece,) = run.pieces
+    assert piece.loss is LossKind.TWO_FOLD
+    assert "two-fold" in run.message
+    assert run["x"][-1] == pytest.approx(0.0, abs=1e-3)
+    assert run.t[-1] == pytest.approx(-sum(start), abs=1e-6)
+
+
+def test_a_run_ends_by_name_where_sliding_repels() -> None:
+    given = PiecewiseField({x: 1, y: x, z: 0}, {x: 0, y: -z, z: 1}, y)
+    # A visible two-fold: both fields bend away.
+    both = run_piecewise(given, start={"x": 0, "y": 0, "z": 0}, span=(0, 1))
+    assert "more than one side" in both.message
+    repelling = run_piecewise(given, start={"x": 1, "y": 0, "z": 1}, span=(0, 1))
+    assert "repels" in repelling.message
+    assert repelling.pieces == ()
+
+
+@pytest.mark.parametrize(
+    ("start", "side"),
+    [
+        ((0.0, 0.0), Side.PLUS),
+        ((-0.5, 0.0), Side.SLIDING),
+        ((0.5, 0.0), Side.PLUS),
+        ((0.5, -0.1), Side.MINUS),
+        ((-0.5, 0.1), Side.PLUS),
+    ],
+)
+def test_where_a_run_begins(start, side) -> None:
+    run = run_piecewise(fold, start=dict(zip("xy", start)), span=(0, 0.05))
+    assert sides(run)[0] is side
+
+
+def test_at_an_invisible_fold_sliding_begins() -> None:
+    given = PiecewiseField({x: 1, y: -x}, {x: 1, y: 1}, y)
+    assert sides(run_piecewise(given, start={"x": 0, "y": 0}, span=(0, 1))) == [Side.SLIDING]
+    below = PiecewiseField({x: 1, y: -1}, {x: 1, y: -x}, y)
+    assert sides(run_piecewise(below, start={"x": 0, "y": 0}, span=(0, 1))) == [Side.MINUS]
+
+
+def test_the_table_has_a_row_for_each_point_and_a_value_for_each_piece() -> None:
+    run = run_piecewise(fold, start={"x": -3, "y": -1}, span=(0, 4))
+    table = run.as_json()
+    assert table["variables"]["side"]["values"] == ["MINUS", "SLIDING", "PLUS"]
+    assert table["variables"]["loss"]["values"] == ["", "VISIBLE_FOLD", ""]
+    assert len(run.as_rows()) == run.t.size
+    assert "sliding  t = 1 to 3" in str(run)
+    assert "s < 0, sliding, s > 0" in repr(run)
+
+
+def test_too_many_pieces_end_a_run() -> None:
+    run = run_piecewise(belt, start={"x": 0, "u": 0.2}, span=(0, 100), phi=stribeck, max_pieces=3)
+    assert len(run.pieces) == 3
+    assert "raise max_pieces" in run.message
+
+
+def test_wrong_calls_are_refused() -> None:
+    with pytest.raises(DeclarationError, match="run_piecewise"):
+        run_piecewise(3, start={}, span=(0, 1))
+    with pytest.raises(GspError, match="forward in time"):
+        run_piecewise(fold, start={"x": 0, "y": 0}, span=(1, 0))
+    with pytest.raises(DeclarationError, match="no state"):
+        run_piecewise(fold, start={"q": 0, "x": 0, "y": 0}, span=(0, 1))
