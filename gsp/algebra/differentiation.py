@@ -10,9 +10,6 @@ from typing import Any
 import sympy as sp
 from sympy.core.function import ArgumentIndexError
 
-# Slopes of parts of expressions that are remembered: those of a few large models.
-KEPT = 1 << 14
-
 
 class _Absolute(sp.Function):
     """Abs of a real number: SymPy's own differentiates to re and im unless its argument is declared real."""
@@ -76,7 +73,8 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
     return result
 
 
-@lru_cache(maxsize=KEPT)
+# The slopes of the parts of a few large models are remembered.
+@lru_cache(maxsize=1 << 14)
 def _smooth(expression: Any, symbol: sp.Symbol) -> Any:
     """What SymPy's `diff` gives, by the rules for sums, products, powers of numbers and functions.
 

@@ -27,13 +27,8 @@ from gsp.algebra.factorisation import (
 from gsp.algebra.laurent import vanishes
 from gsp.algebra.substitution import substituted
 
-# Polynomial ansatz up to this degree, and at most this many unknown coefficients.
-MAX_DEGREE = 3
-MAX_UNKNOWNS = 400
 # Sets of entries that are tried as the zeros of a sum of amounts.
 MOST_RAYS = 300
-# Longer quotients are not integrated.
-MAX_OPERATIONS = 60
 ELEMENTARY = (
     *(sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan),
     *(sp.sinh, sp.cosh, sp.tanh, sp.asinh, sp.acosh, sp.atanh, sp.erf),
@@ -47,7 +42,7 @@ def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, co
     """
     direction = _without_common_factor(layer, states)
     found = _linear(direction, states)
-    for degree in range(2, MAX_DEGREE + 1):
+    for degree in (2, 3):
         if len(found) >= count:
             break
         for candidate in _polynomial(direction, states, degree):
@@ -188,7 +183,7 @@ def _polynomial(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], degre
         for d in range(degree, 0, -1)
         for choice in itertools.combinations_with_replacement(states, d)
     ]
-    numerators = coprime_numerators(direction) if len(monomials) <= MAX_UNKNOWNS else None
+    numerators = coprime_numerators(direction) if len(monomials) <= 400 else None
     if numerators is None or sum(len(sp.Add.make_args(n)) for n in numerators) * len(monomials) > TERM_PRODUCTS:
         return []
     rates = [sp.expand(sum(sp.diff(m, z) * n for z, n in zip(states, numerators))) for m in monomials]
@@ -208,7 +203,8 @@ def _quadratures(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> l
     found: list[sp.Expr] = []
     for z, t in itertools.permutations(moving, 2):
         ratio: Any = factored(rates[z] / rates[t])
-        if ratio.has(*[s for s in moving if s not in (z, t)]) or sp.count_ops(ratio) > MAX_OPERATIONS:
+        # Longer quotients are not integrated.
+        if ratio.has(*[s for s in moving if s not in (z, t)]) or sp.count_ops(ratio) > 60:
             continue
         for candidate in (_linear_equation(ratio, z, t), _separable(ratio, z, t)):
             candidate = None if candidate is None else _with_real_logarithms(candidate)

@@ -21,7 +21,6 @@ from gsp.scenes.view import TIME
 from gsp.systems.arguments import shown
 
 FRAMES_PER_SECOND = 20
-PIXELS_PER_INCH = 100
 # Samples among which returns are looked for, and how near a return comes, as a share of the range.
 CYCLE_SAMPLES, AGREED = 20_000, 0.01
 # Ends of files that can be written, with what writes them.
@@ -81,7 +80,7 @@ def write_motion(
             if progress is not None:
                 progress((frame + 1) / frames)
 
-        animation.save(built, writer=writer, dpi=PIXELS_PER_INCH, progress_callback=tell)
+        animation.save(built, writer=writer, dpi=100, progress_callback=tell)
         return write_file(built.read_bytes(), target)
 
 

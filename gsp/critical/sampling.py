@@ -24,8 +24,6 @@ from gsp.systems.region import ImageBox, Interval
 GRID = {1: 257, 2: 33}
 SOBOL = 11
 COARSE = {1: 33, 2: 9}
-COARSE_SOBOL = 6
-SOME = 8
 # Eigenvalues that are followed, the vectors by which they are found, and their relative accuracy.
 FOLLOWED, VECTORS, ACCURACY = 2, 40, 1e-9
 # A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts. Points
@@ -287,8 +285,8 @@ class Sampler:
 
     def is_singular(self, z: np.ndarray) -> bool:
         """Whether g_y is nearly singular at most of the points `z` (m, n)."""
-        # Singular values of a large matrix take long, and most of the points are told by some.
-        matrices = self.fast_jacobian(z[:: SOME if self.is_large else 1])
+        # Singular values of a large matrix take long, and most of the points are told by every eighth.
+        matrices = self.fast_jacobian(z[:: 8 if self.is_large else 1])
         matrices = matrices[np.isfinite(matrices).all(axis=(1, 2))] * self.fast_lengths(z)
         # Each row by its largest entry anywhere: neither units nor factors of equations make a matrix singular.
         largest = np.abs(matrices).max(axis=(0, 2), initial=0.0)
@@ -384,7 +382,7 @@ def grid(box: np.ndarray, *, coarse: bool = False) -> np.ndarray:
         return np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
     from scipy.stats import qmc
 
-    unit = qmc.Sobol(n, scramble=False).random_base2(COARSE_SOBOL if coarse else SOBOL)
+    unit = qmc.Sobol(n, scramble=False).random_base2(6 if coarse else SOBOL)
     corners = (np.arange(2 ** min(n, 5 if coarse else 10))[:, None] >> np.arange(n)) & 1
     points = np.vstack([unit, corners])
     return box[:, 0] + points * (box[:, 1] - box[:, 0])

@@ -11,11 +11,8 @@ from gsp.critical.sheet_points import Allowance, signs, solve_each
 from gsp.kernels.sheets import ROUNDING, TRUSTED
 
 # Pieces into which a straight line in x is cut, one after the other, when a sheet is followed along it; then steps
-# are halved where the sheet bends, down to this share of the line, the end of the sheet being there. Towards a fold
-# about three trials halve what is left of the way.
+# are halved where the sheet bends.
 PIECES = (1, 4, 16)
-END_TOLERANCE = 1e-13
-TRIALS = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,8 @@ class SheetContinuation:
         share, length = np.zeros(len(x0)), np.full(len(x0), 1.0 / PIECES[-1])
         orientation = self.orientation(x0, y0)
         active = np.arange(len(x0))
-        for _ in range(TRIALS):
+        # Towards a fold about three trials halve what is left of the way, and the sheet ends where 1e-13 of it is.
+        for _ in range(600):
             if len(active) == 0 or (allowance is not None and not allowance.take(len(active))):
                 break
             here, share_tried = share[active], np.minimum(length[active], 1.0 - share[active])
@@ -85,7 +83,7 @@ class SheetContinuation:
             share[moved] = np.where(share_tried[good] < length[moved], 1.0, share[moved] + share_tried[good])
             length[moved] *= 2.0
             length[active[~good]] = 0.5 * share_tried[~good]
-            active = active[(share[active] < 1.0) & (length[active] > END_TOLERANCE)]
+            active = active[(share[active] < 1.0) & (length[active] > 1e-13)]
         return y, share
 
     def continued(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

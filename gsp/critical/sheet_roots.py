@@ -12,9 +12,6 @@ from gsp.systems.region import Interval, check_region
 from gsp.systems.scattered_points import halton
 from gsp.systems.system import SlowFastSystem
 
-# Places in a box from which Newton's method is started, and the fast variables up to which they say something of it.
-SCATTER = 64
-SCATTERED = 5
 # Boxes about a point from which Newton's method comes to nothing, in units of 1 + |y|.
 WIDENED = (1.0, 8.0, 64.0)
 
@@ -50,7 +47,7 @@ def within(y: np.ndarray, fast: Sequence[sp.Symbol], bounds: Mapping[str, Interv
 
 def scattered_roots(newton: Newton, box: np.ndarray, *, size: float) -> np.ndarray:
     """Distinct roots (k, n_fast) that Newton's method comes to from places in a box (n_fast, 2)."""
-    places = box[:, 0] + halton(len(box), SCATTER) * (box[:, 1] - box[:, 0])
+    places = box[:, 0] + halton(len(box), 64) * (box[:, 1] - box[:, 0])
     return distinct(newton(places, size), size=size)
 
 
@@ -68,7 +65,8 @@ def roots_about(
         return scattered_roots(newton, np.column_stack([y - distance, y + distance]), size=size)
 
     found = newton(y[None, :], size)
-    if len(y) > SCATTERED:
+    # Of a box in more variables its places say nothing.
+    if len(y) > 5:
         return found
     if box is not None:
         found = np.vstack([found, scattered_roots(newton, box, size=size)])

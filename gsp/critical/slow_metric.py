@@ -26,7 +26,6 @@ SHARP = (30.0, 300.0, 3000.0)
 NEAR = 1e-4
 # Above so many variables coupled to one another only their units are chosen; steps of descent for each sharpness.
 MOST_COUPLED, STEPS = 12, 60
-SWEEPS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +143,7 @@ def _balanced(sizes: np.ndarray) -> np.ndarray:
     """Units d (n,) in which sum (d_i sizes_ik/d_k)^2 is least: rows and columns are as large."""
     squares, d = sizes**2, np.ones(len(sizes))
     np.fill_diagonal(squares, 0.0)
-    for _ in range(SWEEPS):
+    for _ in range(200):
         worst = 0.0
         for i in range(len(d)):
             ratio = (squares[:, i].sum() / squares[i].sum()) ** 0.25

@@ -33,8 +33,6 @@ LAYER_TIMES, EXTENSIONS, LOOKS = 50.0, 4, 100
 SECOND_FACTOR, SECOND_LATER = 1.3, 6.0
 # Distance from the slow manifold, relative to 1 + |y|, at which the layer counts as over; or this many errors of h.
 NEAR, NEAR_ERRORS = 1e-12, 10.0
-# How many such distances away counts as having left again.
-AGAIN = 1e3
 # Estimated error, relative to 1 + |b|, above which there is no base point to speak of.
 LOST = 1e-2
 RTOL, ATOL = 2e-14, 1e-17
@@ -148,7 +146,8 @@ def _landed(
         limit = max(NEAR * (1.0 + float(np.linalg.norm(h))), NEAR_ERRORS * error)
         if over is None and distance <= limit:
             over, left = i, max(distance, error)
-        elif over is not None and distance > AGAIN * limit:
+        # A thousand such distances away it has left again.
+        elif over is not None and distance > 1e3 * limit:
             raise BranchError(_leaving(problem, run, i, epsilon))
         if over is not None:
             later = max(SECOND_FACTOR * run.t[over], run.t[over] + SECOND_LATER * layer_time)

@@ -21,15 +21,10 @@ DECAY = 5.0
 # An element is not longer than this over the slow rate, and x does not move by more than this share of 1 + |x|.
 SLOW = 1.0
 REACH = 0.5
-SMALLEST_SHARE = 1 / 64
 # In the middle of an element y is within this share of 1 + |y| of the cubic through its ends: an element does not leap
 # over a pole of the branch, on whose other side another slow manifold lies.
 BENDING = 0.1
 LARGEST, ATTEMPTS = 48, 64
-# Drifts below this share of epsilon (1 + |y|) vanish by accident.
-NEGLIGIBLE = 1e-3
-NEWTON_STEPS = 12
-NEWTON_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +81,7 @@ class _CriticalFlow:
         return newton_at_each(
             lambda z: self.epsilon * self.flow.rates(z, self.p)[:, self.nx :],
             lambda z: self.jacobian(z)[:, self.nx :, self.nx :],
-            x, y, tolerance=NEWTON_TOLERANCE, steps=NEWTON_STEPS,
+            x, y, tolerance=1e-10, steps=12,
         )  # fmt: skip
 
     def step(self, x: np.ndarray, y: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -170,7 +165,7 @@ def follow_slow_flow(
         good &= (count == unstable) & np.isfinite(z_new).all(axis=1)
         # Shorter steps lead nearer to where the branch ends.
         shares[rows[~good]] *= 0.5
-        ended = rows[~good & (shares[rows] < SMALLEST_SHARE)]
+        ended = rows[~good & (shares[rows] < 1 / 64)]
         is_cut_short[ended], alive[ended] = True, False
         kept = rows[good]
         x, y, z, J = x.copy(), y.copy(), z.copy(), J.copy()
@@ -185,7 +180,8 @@ def follow_slow_flow(
         states[place], decays[place], drifts[place] = z[kept], decayed[kept], _drift(flow, z[kept], J[kept])
     if is_cut_short.any():
         # Towards a fold what is fixed there becomes wrong faster than it decays: end where the product is least.
-        floor = NEGLIGIBLE * epsilon * (1.0 + np.linalg.norm(states[is_cut_short, :1, nx:], axis=2))
+        # Drifts below a thousandth of epsilon (1 + |y|) vanish by accident.
+        floor = 1e-3 * epsilon * (1.0 + np.linalg.norm(states[is_cut_short, :1, nx:], axis=2))
         felt = np.log(np.maximum(drifts[is_cut_short], floor)) - decays[is_cut_short]
         counts[is_cut_short] = np.argmin(felt, axis=1)
     rows, m = np.arange(k), int(counts.max(initial=0))

@@ -39,7 +39,6 @@ SEARCH_TOLERANCE = 1e-10
 RANK_TOLERANCE = 1e-7
 # Expressions with more operations are not rewritten for looks.
 TIDY_LIMIT = 120
-RATIONAL_LIMIT = 5000
 # Determinants of matrices up to this size are expanded by rows; the number of terms grows like the factorial.
 LAPLACE = 4
 
@@ -326,7 +325,7 @@ def _determinant(matrix: sp.Matrix) -> sp.Expr:
 def reduced(matrix: sp.Matrix) -> sp.Matrix:
     """`matrix` with its entries in lowest terms, unless it is long: nested sines and roots take minutes."""
     length = operations(matrix)
-    if length > RATIONAL_LIMIT or (length > TIDY_LIMIT and not all(e.is_rational_function() for e in matrix)):
+    if length > 5000 or (length > TIDY_LIMIT and not all(e.is_rational_function() for e in matrix)):
         return matrix
     return matrix.applyfunc(lowest_terms)
 

@@ -33,7 +33,6 @@ from gsp.systems.system import VectorField
 
 # Exponents are counted in halves of a power, up to mu^2 either way, of so many variables at once.
 HALVES = (-1, 1, -2, 2, -3, 3, -4, 4)
-MOST_SCALED = 4
 # Exponents and powers of terms that are looked at, 32 MB of them; so many choices of the best are tried.
 NUMBERS, TRIED = 4_000_000, 12
 
@@ -203,7 +202,7 @@ def _choices(n: int, fixed: frozenset[int], most: int) -> np.ndarray:
     """Exponents (k, n) in halves, at most so many, the fewest first."""
     free = [i for i in range(n) if i not in fixed]
     rows = [np.zeros((1, n), dtype=int)]
-    for size in range(1, min(MOST_SCALED, len(free)) + 1):
+    for size in range(1, min(4, len(free)) + 1):
         values = np.array(list(itertools.product(HALVES, repeat=size)))
         for chosen in itertools.combinations(free, size):
             most -= len(values)

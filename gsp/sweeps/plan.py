@@ -18,8 +18,6 @@ from gsp.systems.arguments import as_float, check_each, check_text, shown
 # A point that was not computed, was computed, raised an error, or took the process that computed it down with it.
 MEANINGS = ("not computed", "computed", "failed", "died")
 NOT_COMPUTED, COMPUTED, FAILED, DIED = range(4)
-# More chunks than this make the folder slow to list; a chunk then holds more points.
-CHUNKS = 100_000
 FORMAT = 1
 
 
@@ -183,7 +181,8 @@ def check_axes(over: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, ..
 
 def block_of(shape: tuple[int, ...], points: int) -> tuple[int, ...]:
     """The block of about `points` points: whole along the last axes, a part of one, one point along the others."""
-    chunk_size = max(points, -(-math.prod(shape) // CHUNKS))
+    # More chunks make the folder slow to list; a chunk then holds more points.
+    chunk_size = max(points, -(-math.prod(shape) // 100_000))
     block = [1] * len(shape)
     for axis in reversed(range(len(shape))):
         block[axis] = min(shape[axis], max(1, chunk_size))

@@ -16,17 +16,19 @@ from tests.literature import FOLDER, systems
 
 SCENES = {name: name for name in models.names()} | {name: FOLDER / f"{name}.toml" for name in systems()}
 CHEAP = ("linear", "michaelis_menten", "chaplygin_sleigh", "fast_slow_rate")
-# The generator was refused at 3e-3 to 1e-2 only.
 TOLERANCES = (1e-6, 1e-4, 1e-3, 3e-3, 1e-2, 1e-1)
+ALL = (*CHEAP, "swing", "swing_bal", "swing_rad")
+"""Asked at all of them: the generator was refused at 3e-3 to 1e-2 only. Others are asked at every second."""
 
 
 @pytest.mark.parametrize("name", sampled(list(SCENES), always=CHEAP))
 def test_a_looser_tolerance_never_turns_a_yes_into_a_no(name: str) -> None:
     scene = models.load(name) if isinstance(SCENES[name], str) else load(SCENES[name])
     asked = study_of(scene)
-    answers = [choose(asked, tolerance=t).verdict.answer for t in TOLERANCES]
+    tolerances = TOLERANCES if name in ALL else TOLERANCES[list(SCENES).index(name) % 2 :: 2]
+    answers = [choose(asked, tolerance=t).verdict.answer for t in tolerances]
     allowed = [answer in (Answer.YES, Answer.AS_FAST, Answer.NO_GAIN) for answer in answers]
-    assert allowed == sorted(allowed), dict(zip(TOLERANCES, answers))
+    assert allowed == sorted(allowed), dict(zip(tolerances, answers))
 
 
 def test_what_tells_an_error_at_one_tolerance_tells_it_at_a_looser_one() -> None:

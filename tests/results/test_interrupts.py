@@ -238,7 +238,8 @@ def test_an_interrupt_repeats_no_crossing(at, monkeypatch):
         "atol": 1e-6,
         "method": Method.RADAU9,
     }
-    whole = integrate(OSCILLATOR, events=[Event("x"), Event("y")], **options)
+    events = [Event("x", direction=1), Event("y", direction=1)]
+    whole = integrate(OSCILLATOR, events=events, **options)
     expected = {name: whole.events[name].times for name in ("x", "y")}
     count, limit, refined = 0, int(at * sum(map(len, expected.values()))), Search.refined
 
@@ -250,7 +251,7 @@ def test_an_interrupt_repeats_no_crossing(at, monkeypatch):
         return refined(self, *arguments)
 
     monkeypatch.setattr(Search, "refined", counted)
-    cut = integrate(OSCILLATOR, events=[Event("x"), Event("y")], **options)
+    cut = integrate(OSCILLATOR, events=events, **options)
     assert cut.status is Status.INTERRUPTED
     assert 0.0 < cut.t[-1] < 10000.0
     for name, times in expected.items():

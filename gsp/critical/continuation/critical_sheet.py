@@ -34,7 +34,6 @@ from gsp.systems.system import SlowFastSystem
 
 # d! simplices to a cube: 720 for four fast variables, 5040 for five.
 MOST_FAST = 4
-POLISHING = 12
 
 
 @dataclass(frozen=True)
@@ -206,7 +205,7 @@ class _Builder:
         edges = corners[:, 1:] - corners[:, :1]
         first = u.copy()
         length = np.full(len(u), np.inf)
-        for _ in range(POLISHING):
+        for _ in range(12):
             value = problem.residual(u)
             slope = np.einsum("mij,mkj->mik", problem.jacobians(u), edges)
             good = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(value).all(axis=1)

@@ -35,11 +35,6 @@ from gsp.systems.flow import Point
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem
 
-# Branches that are switched to at most, and how near two branch points are one, in scaled units.
-MOST_BRANCHES = 32
-SAME_POINT = 1e-5
-SAME_DIRECTION = 0.999
-
 
 def continue_critical(
     system: SlowFastSystem,
@@ -280,8 +275,7 @@ def _all_branches(curve: CriticalCurve, progress: Callable[[float], None] | None
 
     def passed(u: np.ndarray, direction: np.ndarray) -> bool:
         return any(
-            np.linalg.norm((u - v) / scales) < SAME_POINT and abs(direction @ other) > SAME_DIRECTION
-            for v, other in seen
+            np.linalg.norm((u - v) / scales) < 1e-5 and abs(direction @ other) > 0.999 for v, other in seen
         )
 
     found: list[CriticalCurve] = []
@@ -291,7 +285,7 @@ def _all_branches(curve: CriticalCurve, progress: Callable[[float], None] | None
         crossings = [p for p in current.special if p.kind.is_branch_point and len(p.directions)]
         seen += [(p.unknowns, p.directions[0]) for p in crossings]
         for point in crossings:
-            if len(found) < MOST_BRANCHES and not passed(point.unknowns, point.directions[1]):
+            if len(found) < 32 and not passed(point.unknowns, point.directions[1]):
                 other = switch_branch(current, point, progress=progress)
                 seen += [(p.unknowns, p.directions[0]) for p in other.special if len(p.directions)]
                 found.append(other)

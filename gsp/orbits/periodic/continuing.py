@@ -29,13 +29,8 @@ from gsp.systems.arguments import (
 )
 from gsp.systems.region import Interval, check_interval
 
-# A first cycle at a Hopf point moves the parameter by about this share of the bounds' width, by its normal form,
-# and is at most so large a share of the equilibrium's size.
-FIRST_SHIFT = 1e-4
+# A first cycle at a Hopf point is at most so large a share of the equilibrium's size.
 FIRST_SIZE = 1e-2
-# Smaller first cycles that are tried, each a quarter of the one before.
-FIRST_TRIES = 6
-FIRST_INTERVALS = 16
 
 
 def continue_orbits(
@@ -177,13 +172,13 @@ def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
     size = FIRST_SIZE * max(1.0, float(np.abs(point).max()))
     if hopf.l1 and hopf.crossing:
         # Normal form rho' = crossing dlambda rho + l1 omega rho^3, with u = point + 2 Re(rho q e^(i omega t)).
-        size = min(
-            size, 2.0 * np.sqrt(FIRST_SHIFT * tracer.width * abs(hopf.crossing / (hopf.l1 * hopf.omega)))
-        )
-    mesh = np.linspace(0.0, 1.0, FIRST_INTERVALS + 1)
+        # It moves the parameter by about 1e-4 of the bounds' width.
+        size = min(size, 2.0 * np.sqrt(1e-4 * tracer.width * abs(hopf.crossing / (hopf.l1 * hopf.omega))))
+    mesh = np.linspace(0.0, 1.0, 17)
     places = gauss(degree).places(mesh)
     mode = np.real(hopf.vector * np.exp(2j * np.pi * places[..., None]))
-    for _ in range(FIRST_TRIES):
+    # Each that fails is followed by one of a quarter of its size.
+    for _ in range(6):
         step = Cycle(mesh, size * mode, 0.0, 0.0)
         rest = Cycle(mesh, np.broadcast_to(point, mode.shape), 2.0 * np.pi / hopf.omega, hopf.value)
         guess = rest.moved(step)

@@ -14,10 +14,9 @@ from gsp.tracing.newton import Rules, Solution, newton
 
 # A step this small, in units of the cycle, is the last: the next one would be its square.
 CONVERGED = 1e-9
-# Steps that no longer get smaller are rounding when they are below this.
-STAGNANT = 1e-6
 STEPS = 25
-RULES = Rules(STEPS, CONVERGED, STAGNANT)
+# Steps that no longer get smaller are rounding when they are below 1e-6.
+RULES = Rules(STEPS, CONVERGED, 1e-6)
 # Phases are known to so many units in the last place, and the states at a phase to that times their slopes: in a jump
 # that takes 1e-12 of the period, to 1e-3 of the amplitude.
 PHASE_ROUNDING = 16 * np.finfo(float).eps

@@ -15,10 +15,6 @@ from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.systems.arguments import check_noun, check_number
 from gsp.systems.flow import Point
 
-# Laps of Newton's method; its derivative is collocation's, so that it converges at once or not at all.
-LAPS = 6
-CLOSED = 1e-11
-
 
 @dataclass(frozen=True)
 class Shot:
@@ -64,7 +60,8 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     status = Status.NOT_CONVERGED
     atol = 1e-3 * rtol * float(scales.min())
     laps = 0
-    for _ in range(LAPS):
+    # Newton's method with collocation's derivative converges at once or not at all.
+    for _ in range(6):
         laps += 1
         end = z.copy()
         record = run(Run(compiled, p, end, 0.0, np.array([T]), Control(Method.RADAU13, rtol, atol, 10**6)))
@@ -88,7 +85,7 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
         step = np.linalg.lstsq(matrix, right, rcond=None)[0]
         z, T = z + step[:-1] * scales, T * (1.0 + step[-1])
     defect, z, T = best
-    if defect <= CLOSED:
+    if defect <= 1e-11:
         status = Status.SUCCESS
     point = {symbol.name: float(value) for symbol, value in zip(flow.states, z)}
     return Shot(float(abs(T)), point, defect, laps, status)

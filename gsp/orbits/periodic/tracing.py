@@ -26,14 +26,6 @@ from gsp.systems.region import Interval
 from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 from gsp.tracing.newton import Solution
 
-# Newton steps a corrector may take, and how many are aimed at.
-CORRECTIONS = 8
-AIMED, LONGER = 5, 1.5
-SMALLEST_STEP = 1e-7
-# Meshes tried for one cycle; a mesh is kept while it has this share of the growth an interval may have.
-MESHES = 4
-SLACK = 1.5
-
 
 @dataclass(frozen=True)
 class CycleControls(Controls):
@@ -75,8 +67,7 @@ class CycleTracer(Tracer[Row]):
         # Of two tangents in a row, the least cosine: a family that turns faster is stepped along again, more
         # finely.
         self.pace = Pace(
-            controls.step, controls.max_step, SMALLEST_STEP, AIMED, largest_turn=float(np.arccos(0.7)),
-            growth=LONGER,
+            controls.step, controls.max_step, 1e-7, 5, largest_turn=float(np.arccos(0.7)), growth=1.5,
         )  # fmt: skip
         self.largest = np.zeros(problem.size)
 
@@ -121,7 +112,7 @@ class CycleTracer(Tracer[Row]):
             guess,
             scales=scales,
             conditions=lambda cycle: [phase_condition(cycle, reference, scales), condition(cycle)],
-            steps=CORRECTIONS,
+            steps=8,
             damped=False,
         )
 
@@ -178,12 +169,13 @@ class CycleTracer(Tracer[Row]):
     ) -> Row | None:
         """The cycle on a mesh made for it, with its tangent; None when Newton's method fails there."""
         tolerance, iterations = self.controls.tolerance, solution.iterations
-        for _ in range(MESHES):
+        for _ in range(4):
             cycle = solution.point
             scales = scales_of(cycle)
             error = float(interval_errors(cycle, scales).max())
             least = growth_density(self.problem, cycle)
-            resolved = (least * cycle.widths <= SLACK).all()
+            # It is kept while its intervals have 1.5 times the growth that they may have.
+            resolved = (least * cycle.widths <= 1.5).all()
             if tolerance * WASTEFUL <= error <= tolerance and resolved:
                 break
             # A new mesh is made for this share of the tolerance, so that it serves for some steps.

@@ -13,11 +13,9 @@ from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
 from gsp.roots import roots
 
-# Sizes of the states at which folds are looked for, and how many a decade: along M0, and in the plane where M0 is not
-# solved for the slow variable.
+# Sizes of the states at which folds are looked for, and how many a decade along M0.
 DECADES = (-4, 4)
 ALONG = 64
-IN_PLANE = 1
 
 
 def fold_starts(
@@ -59,7 +57,8 @@ def _in_plane(g: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, f
         return values[:2], values[2:].reshape(2, 2)
 
     known: list[np.ndarray] = []
-    for start in itertools.product(_sizes(IN_PLANE), repeat=2):
+    # In the plane, where M0 is not solved for the slow variable, one a decade.
+    for start in itertools.product(_sizes(1), repeat=2):
         u = gauss_newton(evaluate, np.array(start))
         if u is None or any(np.abs(u - v).max() < 1e-6 * (1.0 + np.abs(u).max()) for v in known):
             continue
