@@ -132,6 +132,7 @@ def planar(slow: sp.Expr, fast: sp.Expr, start: dict, region: dict) -> Scene:
     )
 
 
+@pytest.mark.exhaustive
 def test_what_is_proved_of_a_passage_and_of_a_cycle_by_an_axis_is_told(tmp_path) -> None:
     """A predator without prey comes back late: one cycle, and its passage of the fold, in a report too."""
     x, y = sp.symbols("x y")
