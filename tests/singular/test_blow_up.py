@@ -122,6 +122,17 @@ OTHERS: dict[str, tuple[dict, dict, dict, dict, dict]] = {
         {x: 1, z: 1, u: 1}, {y: x + z + u + z * y + (u - x) * y**2 + a * y**4}, {a: 2},
         {"x": 0, "z": 0, "u": 0, "y": 0}, {"y": 1, "x": 4, "z": 3, "u": 2, "epsilon": 7},
     ),
+    # Sheets y = x^2 and y = -x^2: beyond degree three x gets a weight only, as the low powers do not hold it.
+    "a transcritical point of sheets that touch": (
+        {x: 1}, {y: y**2 - a * x**4}, {a: 1}, {"x": 0, "y": 0}, {"y": 2, "x": 1, "epsilon": 3},
+    ),
+    "sheets that touch in other coordinates": (
+        {x: 1 + x}, {y: y * (y - x**2) + a * eps}, {a: 2}, {"x": 0, "y": 0}, {"y": 2, "x": 1, "epsilon": 4},
+    ),
+    "a cusp unfolded by a fourth power": (
+        {x: 1, z: 1}, {y: x + a * z**4 * y + y**3}, {a: 1}, {"x": 0, "z": 0, "y": 0},
+        {"y": 2, "x": 6, "z": 1, "epsilon": 10},
+    ),
     "a Bogdanov-Takens point": (
         {x: 1, z: 1}, {v: w + a * v**2, w: x + z * w + v**2 + v * w}, {a: 3}, {"x": 0, "z": 0, "v": 0, "w": 0},
         {"v": 2, "w": 3, "x": 4, "z": 1, "epsilon": 5},

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
 import gsp
 from gsp.singular.ramps.critical_rate import TippingVerdict
@@ -91,12 +93,75 @@ def test_a_level_tells_nothing_where_the_rest_point_is_lost() -> None:
         gsp.critical_rate(field, ramp=Ramp.tanh({l: (-1, 1)}), start={"x": 1, "y": 1}, edge={"x": -9})
 
 
-def test_a_canard_of_a_ramp_that_starts_at_rest_is_refused_by_name() -> None:
-    """Orbits that track are smooth as well: least squares met rates from 0.007 to 0.019 where 0.0155 is right."""
+def test_the_compost_bomb_from_rest_tips_where_folded_points_are_born() -> None:
+    """SciPy finds the least rate with a folded point; the numbers depart from it with sqrt(epsilon)."""
     ramp = Ramp.tanh({air: (0, 20)})
-    found = gsp.critical_rate(COMPOST, ramp=ramp, start={"T": 8, "C": 50}, edge={"T": 60}, epsilon=0.05)
-    assert found.rate is not None
-    with pytest.raises(RampError, match="starts at rest"):
+    found = [
+        gsp.critical_rate(COMPOST, ramp=ramp, start={"T": 8, "C": 50}, edge={"T": 60}, epsilon=epsilon)
+        for epsilon in (0.02, 0.005)
+    ]
+    series = [gsp.slow_ramp(each) for each in found]
+    a, k = np.log(2.5) / 10, float(COOLING)
+
+    def rate(warmed: float) -> float:
+        # On the fold R = k/a, and g_C C' = k T_a' where T = T_a + 1/a.
+        pace = (k / a - float(LITTER)) * np.exp(a * warmed + 1) / (100 * k)
+        return pace / (10 * (1 - (warmed / 10 - 1) ** 2))
+
+    born = minimize_scalar(rate, bounds=(2, 12), method="bounded", options={"xatol": 1e-10})
+    for each in series:
+        assert each.singularity is not None
+        assert each.singularity.kind is FoldedKind.SADDLE_NODE_I
+        assert each.coefficients == pytest.approx([born["fun"]], rel=1e-12)
+    assert "departs with sqrt(epsilon)" in str(series[0])
+    assert series[0].difference / series[1].difference == pytest.approx(2, rel=0.1)
+
+
+# The excitable normal form of Wieczorek, Ashwin, Luke and Cox 2011.
+y = sp.Symbol("y")
+EXCITABLE = gsp.SlowFastSystem(slow={y: -x}, fast={x: y + l + x * (x - 1)}, epsilon=eps, parameters={l: 0})
+
+
+def excited(epsilon: float) -> gsp.CriticalRate:
+    ramp = Ramp.tanh({l: (0, sp.Rational(1, 2))})
+    return gsp.critical_rate(EXCITABLE, ramp=ramp, start={"x": 0, "y": 0}, edge={"x": 5}, epsilon=epsilon)
+
+
+def test_a_canard_from_rest_through_a_folded_saddle_is_a_series() -> None:
+    """Off the numbers of runs by epsilon^4 through order 3, and the limit by shooting in SciPy."""
+    found = [excited(epsilon) for epsilon in (0.005, 0.0025)]
+    series = [gsp.slow_ramp(each, order=3) for each in found]
+    assert series[0].singularity is not None
+    assert series[0].singularity.kind is FoldedKind.SADDLE
+    assert series[0].difference / series[1].difference == pytest.approx(16, rel=0.1)
+
+    def jumps(rate: float) -> bool:
+        # On y = x - x^2 - l, (1 - 2 x) x' = l' - x: whether x comes to the fold.
+        def slope(t: float, u: np.ndarray) -> np.ndarray:
+            return (rate / 4 / np.cosh(rate * t) ** 2 - u) / (1 - 2 * u)
+
+        def fold(t: float, u: np.ndarray) -> float:
+            return 0.5 - 1e-5 - u[0]
+
+        fold.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+        run = solve_ivp(slope, (-12 / rate, 12 / rate), [0.0], rtol=1e-9, atol=1e-12, events=fold)
+        return len(run.t_events[0]) > 0
+
+    low, high = 2.8, 3.0
+    for _ in range(18):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if jumps(middle) else (middle, high)
+    assert series[0].coefficients[0] == pytest.approx(low, rel=1e-5)
+
+
+def test_a_canard_from_rest_is_singled_out_of_two_variables_alone() -> None:
+    z = sp.Symbol("z")
+    more = gsp.SlowFastSystem({y: -x, z: x - z}, EXCITABLE.fast, epsilon=eps, parameters={l: 0})
+    found = gsp.critical_rate(
+        more, ramp=Ramp.tanh({l: (0, sp.Rational(1, 2))}), start={"x": 0, "y": 0, "z": 0}, edge={"x": 5},
+        epsilon=0.01,
+    )  # fmt: skip
+    with pytest.raises(RampError, match="singled out of one fast and one slow"):
         gsp.slow_ramp(found)
 
 

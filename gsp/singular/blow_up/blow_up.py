@@ -192,29 +192,51 @@ def _weighted(
     system: SlowFastSystem, point: ExactPoint, unfolding: Sequence[sp.Symbol]
 ) -> tuple[LocalForm, Weights]:
     """The local form, of a degree that holds every monomial that may be kept, and its weights."""
+    held: list[int] | None = None
     for degree in range(DEGREE, HIGHEST + 1):
-        try:
-            form = straightened(block_of(expanded(system, point, unfolding, degree)))
-        except HyperbolicityError as error:
-            raise BlowUpError(f"there is no Taylor polynomial at the point: {error.fact}.") from None
-        if fibre_order(form) is None:
+        found = _weighted_at(system, point, unfolding, degree)
+        if found is None:
             continue
-        fast = range(len(form.fast))
-        points = diagram(_monomials(form))
-        weights = least_weights(points, (fast, form.slow_at, (form.small,)))
-        if weights is None or weights.of[form.small] == 0:
-            raise BlowUpError(
-                "no weights make the point's field quasi-homogeneous: epsilon moves nothing here.",
-                "Look at the layer problem, or let another parameter be small.",
-            )
+        form, weights = found
         least = min(w for w in weights.of if w)
-        if (degree + 1) * least >= weights.degree + max(weights.of[i] for i in fast):
+        if (degree + 1) * least < weights.degree + max(weights.of[i] for i in range(len(form.fast))):
+            continue
+        # A power of a slow variable without a weight is too low whatever its degree.
+        if (own := _held(form, weights)) and held is None and degree < HIGHEST:
+            highest = _weighted_at(system, point, (), HIGHEST)
+            held = own if highest is None else _held(*highest)
+        if own == (held or []) or degree == HIGHEST:
             return form, weights
     raise BlowUpError(
         f"no power below the {HIGHEST + 1}th is there along the fast fibre of the point.",
         "Where the fibre consists of rest points, as at a rank change, entry_exit follows the branch through.",
         limit=HIGHEST,
     )
+
+
+def _weighted_at(
+    system: SlowFastSystem, point: ExactPoint, unfolding: Sequence[sp.Symbol], degree: int
+) -> tuple[LocalForm, Weights] | None:
+    """The local form of that degree and its weights; None where the fast fibre holds no power as low as that."""
+    try:
+        form = straightened(block_of(expanded(system, point, unfolding, degree)))
+    except HyperbolicityError as error:
+        raise BlowUpError(f"there is no Taylor polynomial at the point: {error.fact}.") from None
+    if fibre_order(form) is None:
+        return None
+    points = diagram(_monomials(form))
+    weights = least_weights(points, (range(len(form.fast)), form.slow_at, (form.small,)))
+    if weights is None or weights.of[form.small] == 0:
+        raise BlowUpError(
+            "no weights make the point's field quasi-homogeneous: epsilon moves nothing here.",
+            "Look at the layer problem, or let another parameter be small.",
+        )
+    return form, weights
+
+
+def _held(form: LocalForm, weights: Weights) -> list[int]:
+    """The slow variables without a weight."""
+    return [i for i in form.slow_at if not weights.of[i]]
 
 
 def _monomials(form: LocalForm) -> list[tuple[int, list[Exponents]]]:

@@ -12,7 +12,7 @@ Gauss-Chebyshev points. Solutions are analytic over [l_0, l_1], so that errors f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,6 +24,8 @@ STEPS, FACTOR = 25, 4.0
 FIRST, LAST = 16, 256
 # A rate that moves by more when the degree doubles is one of the equations for polynomials, and of no orbit.
 MOVED = 0.5
+# Two starts lead to one threshold when they agree to this.
+SAME = 1e-6
 ROUNDING = np.finfo(float).eps
 
 Rates = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -63,15 +65,22 @@ def _grid(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def connection(
-    rates: Rates, ends: RampEnds, guess: float, shape: Callable[[np.ndarray], np.ndarray]
+    rates: Rates,
+    ends: RampEnds,
+    guess: float,
+    shape: Callable[[np.ndarray], np.ndarray],
+    known: Sequence[Connection] = (),
 ) -> Connection | None:
-    """The solution of (1) that Newton's method reaches from x = `shape`(l) and r = `guess`; None where it does not.
+    """The solution of (1) that Newton's method reaches from x = `shape`(l) and r = `guess`.
 
-    The error is what twice the degree changes, with the rounding of the equations.
+    None where it reaches none, or one that is `known`. The error is what twice the degree changes, with the rounding
+    of the equations.
     """
     found = _solved(rates, ends, guess, FIRST, shape(_places(ends, _grid(FIRST)[0])))
     before, degree = np.inf, FIRST
     while found is not None and degree < LAST:
+        if any(abs(found[0] - one.rate) <= SAME * one.rate for one in known):
+            return None
         rate, x, _ = found
         degree *= 2
         found = _solved(rates, ends, rate, degree, _refined(x, degree))
@@ -95,8 +104,13 @@ def _places(ends: RampEnds, c: np.ndarray) -> np.ndarray:
 
 def _refined(x: np.ndarray, degree: int) -> np.ndarray:
     """The polynomial with values x at the nodes of a lower degree, at those of `degree`."""
-    c, *_ = _grid(len(x) - 1)
-    return np.polynomial.chebyshev.chebval(_grid(degree)[0], np.polynomial.chebyshev.chebfit(c, x, len(x) - 1))
+    return _refinement(len(x) - 1, degree) @ x
+
+
+@lru_cache(maxsize=8)
+def _refinement(coarse: int, fine: int) -> np.ndarray:
+    to, on = (np.polynomial.chebyshev.chebvander(_grid(n)[0], coarse) for n in (coarse, fine))
+    return np.linalg.solve(to.T, on.T).T
 
 
 def _solved(

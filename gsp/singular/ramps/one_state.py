@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import vanishes
-from gsp.singular.ramps.connection import Connection, RampEnds, connection
+from gsp.singular.ramps.connection import SAME, Connection, RampEnds, connection
 from gsp.singular.ramps.ramped import Place, Ramped, RampError
 from gsp.singular.singularities.located_points import locate
 
@@ -19,8 +19,6 @@ SHARES = np.logspace(-2.0, 2.0, 9)
 # A guess of the orbit is a straight line, or the branch of the start, then that of the edge; it changes at one of so
 # many parts of the way, more of them until the number of rates is odd or even as the limits ask for.
 ROUNDS = (0, 4, 16)
-# Two starts lead to one threshold when they agree to this.
-SAME = 1e-6
 
 
 def thresholds(given: Ramped, way: list[Place], edge: Place) -> tuple[tuple[bool, bool], list[Connection]]:
@@ -45,11 +43,13 @@ def _connections(given: Ramped, way: list[Place], edge: Place, odd: bool) -> lis
 
     ends = RampEnds((first, float(begin.x[0])), (last, float(edge.x[0])))
     natural = abs(given.growth(begin)[0]) * abs(last - first) / given.speed(begin.x)
-    back = given.followed(edge, first)
+    back = [edge]
     found: list[Connection] = []
     for number in ROUNDS:
+        if number and len(back) == 1:
+            back = given.followed(edge, first)
         for shape, share in product(_shapes(way, back, number), SHARES):
-            one = connection(rates, ends, natural * share, partial(_through, shape))
+            one = connection(rates, ends, natural * share, partial(_through, shape), found)
             if one is not None and all(abs(one.rate - c.rate) > SAME * c.rate for c in found):
                 found.append(one)
         if len(found) % 2 == odd and (found or number):

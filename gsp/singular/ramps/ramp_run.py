@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,13 +41,19 @@ class RampRun(Card, Tabular):
         return self.ramped.moved(self.phase)[name]
 
 
-def leaving(given: Ramped, begin: Place, rate: float) -> tuple[np.ndarray, float]:
-    """(x, s) where a run starts: at the end, or along the unstable set from it where the phase is at rest."""
+def leaving(
+    given: Ramped, begin: Place, rate: float, follows: Sequence[bool] | None = None
+) -> tuple[np.ndarray, float]:
+    """(x, s) where a run starts: at the end, or along the unstable set from it where the phase is at rest.
+
+    States that `follows` names stay on f = 0, as fast ones do at epsilon = 0.
+    """
     first, last = given.ends
     if not given.rests_at(first):
         return begin.x, first
     at = given.at(begin.x, first)
-    slope = np.linalg.solve(rate * at.rho_s * np.eye(len(at.f)) - at.f_x, at.f_s)
+    paces = np.full(len(at.f), rate * at.rho_s) * (1.0 if follows is None else ~np.array(follows))
+    slope = np.linalg.solve(np.diag(paces) - at.f_x, at.f_s)
     # A run leaves a phase at rest by this share of the way along the unstable set, whose curvature is its
     # square.
     step = 1e-8 * (last - first)

@@ -10,6 +10,9 @@ number d, for only one value q of what is free:
 At d = 0 the sheets cross, or meet in a folded singularity, and q is where they do, or where the canard begins at the
 start of the ramp. Polynomials x(s) that meet (1) or (2) at one point more than they have coefficients are smooth, and
 exist for one q; they are solved by least squares for d on both sides of 0, which gives the series of q in d.
+
+From a start at rest orbits that track are as smooth as the canard: there `reduced_ramp` finds q at d = 0 first, and the
+orbit up to the folded singularity. Where that is a folded saddle-node of type I, q departs from it by sqrt(epsilon).
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.results.card import Card
 from gsp.singular.ramps.critical_rate import CriticalRate
 from gsp.singular.ramps.ramped import RampError
-from gsp.singular.singularities.folded_singularities import FoldedSingularity, folded_singularity
+from gsp.singular.ramps.reduced_ramp import ReducedRamp, RestingLimit
+from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity, folded_singularity
 from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem
@@ -38,6 +42,9 @@ STEPS, HALVINGS = 40, 3
 FIRST, LAST, SETTLED = 12, 200, 1e-11
 # Values of d beyond the order of a series, from which its terms are interpolated.
 MORE = 4
+# From a start at rest a canard is followed past the folded singularity by this share of the way to it, over which a
+# polynomial of degree FIRST that fits it before is a guess.
+PAST = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,7 +55,8 @@ class SlowRamp(Card):
     system d is epsilon and q the critical rate. `errors` (k,) are those of the coefficients, by interpolation;
     `number` is q as it was found at `small`, the d of `found`, and `difference` that of the series from it.
     `singularity` is the folded one that the canard passes, of a slow-fast system with one fast and one slow variable;
-    of a field there is none: two branches of rest points cross over the phase.
+    of a field there is none: two branches of rest points cross over the phase. A folded saddle-node I is where c_0 ends
+    that series: the number departs from it by a length of order sqrt(epsilon).
     """
 
     found: CriticalRate
@@ -87,6 +95,9 @@ class SlowRamp(Card):
             if self.singularity is None
             else f"\n  through a {self.singularity.kind} at {_place(self.singularity)}"
         )
+        if self.singularity is not None and self.singularity.kind is FoldedKind.SADDLE_NODE_I:
+            by = -self.difference / self.small**0.5
+            passed += f"\n  from which the rate departs with sqrt({name}), here by {by:.4g} times that"
         told = f"{self.value(self.small):.10g}, found {self.number:.10g}"
         return f"{self!r}{passed}\n  at {name} = {self.small:.8g}: {told}"
 
@@ -101,8 +112,12 @@ def slow_ramp(found: CriticalRate, *, order: int = 3, threshold: int = 0) -> Slo
     Of a slow-fast system whose ramp sets out at once, phase' not 0, `found` starts off its slow manifold by a length of
     order epsilon, and its rate differs from the series by epsilon^2.
 
-    Raises `RampError` where nothing was found to start from, where no smooth orbit is reached from there, and for a
-    slow-fast system whose ramp starts at rest: smoothness does not single out the canard there.
+    Where the ramp starts at rest the reduced flow says which orbit is the canard, of one fast and one slow variable:
+    it ends in a folded saddle, or where folded points are born, in a folded saddle-node I. From that the rate departs
+    with sqrt(epsilon), and the series is c_0 alone, whatever the order.
+
+    Raises `RampError` where nothing was found to start from, where no smooth orbit is reached from there, and for more
+    variables in a slow-fast system whose ramp starts at rest.
 
     >>> import gsp
     >>> x, l = sp.symbols("x l")
@@ -118,16 +133,13 @@ def slow_ramp(found: CriticalRate, *, order: int = 3, threshold: int = 0) -> Slo
             "there is no threshold to start from.", "Ask critical_rate of a slow ramp.", got=repr(found)
         )
     check_whole(threshold, what="threshold", most=len(found.connections) - 1)
-    given = found.ramped
-    at_start = {**given.field.parameters, given.ramp.phase: given.ramp.ends[0]}
-    if isinstance(given.source, SlowFastSystem) and given.ramp.profile.xreplace(at_start) == 0:
-        raise RampError(
-            "the ramp starts at rest, from where orbits that track are as smooth as the canard of a slow-fast system: "
-            "none is singled out.",
-            "Take a ramp that sets out at once, `Ramp.linear_with_ends`, or ask critical_rate at smaller epsilons.",
-            got=str(given.ramp),
-        )
-    problem = _Problem(found, threshold)
+    resting = _resting(found, threshold)
+    if resting is not None and resting.singularity.kind is FoldedKind.SADDLE_NODE_I:
+        number, small = found.rates[threshold], found.ramped.epsilon
+        assert small is not None
+        c, error = np.array([resting.q]), np.array([resting.error])
+        return SlowRamp(found, c, error, small, number, resting.singularity)
+    problem = _Problem(found, threshold, resting)
     here = problem.limit()
     if here is None:
         raise RampError(
@@ -139,6 +151,30 @@ def slow_ramp(found: CriticalRate, *, order: int = 3, threshold: int = 0) -> Slo
     return SlowRamp(found, coefficients[1], errors, problem.small, problem.number, passed)
 
 
+def _resting(found: CriticalRate, threshold: int) -> RestingLimit | None:
+    """The limit of a slow-fast system whose ramp starts at rest; None of any other."""
+    given = found.ramped
+    source = given.source
+    if not isinstance(source, SlowFastSystem) or not given.rests_at(given.ends[0]):
+        return None
+    if (len(source.fast), len(source.slow)) != (1, 1):
+        raise RampError(
+            "the ramp starts at rest, from where orbits that track are as smooth as the canard: it is singled out of "
+            "one fast and one slow variable.",
+            "Take a ramp that sets out at once, `Ramp.linear_with_ends`, or ask critical_rate at smaller epsilons.",
+            got=f"{len(source.fast)} fast and {len(source.slow)} slow ones",
+        )
+    limit = ReducedRamp(given, found.begin).limit(found.rates[threshold])
+    if limit is None:
+        raise RampError(
+            "no rate near the one that was found divides orbits of the reduced flow that meet a fold from those that "
+            "do not.",
+            "Start at a smaller epsilon.",
+            got=found.rates[threshold],
+        )
+    return limit
+
+
 def _nodes(degree: int) -> np.ndarray:
     return -np.cos(np.pi * np.arange(degree + 1) / degree)
 
@@ -146,11 +182,15 @@ def _nodes(degree: int) -> np.ndarray:
 class _Problem:
     """Equations (1) or (2) about one threshold, as rows R(z, dz/ds, s, q, d)."""
 
-    def __init__(self, found: CriticalRate, threshold: int) -> None:
+    def __init__(self, found: CriticalRate, threshold: int, resting: RestingLimit | None) -> None:
         given, orbit = found.ramped, found.connections[threshold]
         source, ramp = given.source, given.ramp
-        self.orbit, self.begin = orbit, found.begin
-        self.given, self.ends = given, (given.ends[0], float(orbit.phase[-1]))
+        self.orbit, self.begin, self.resting = orbit, found.begin, resting
+        first, last = given.ends[0], float(orbit.phase[-1])
+        if resting is not None:
+            at = float(resting.singularity[ramp.phase.name])
+            last = at + PAST * (at - first)
+        self.given, self.ends = given, (first, last)
         z = [*given.field.states]
         zp = [sp.Dummy(f"{s}_s") for s in z]
         q, d = sp.Dummy("q"), sp.Dummy("d")
@@ -180,18 +220,22 @@ class _Problem:
     @cached_property
     def guess(self) -> Callable[[np.ndarray], np.ndarray]:
         """z (m, n) of the orbit on the threshold at phases (m,)."""
+        if self.resting is not None:
+            s, x = self.resting.phase, self.resting.orbit
+            fitted = chebyshev.Chebyshev.fit
+            columns = [fitted(s, column, FIRST, domain=[s[0], s[-1]]) for column in x.T]
+            return lambda at: np.array([column(at) for column in columns]).T
         order = np.argsort(self.orbit.phase)
         x = self.orbit.x.reshape(len(order), -1)[order]
         return lambda s: np.array([np.interp(s, self.orbit.phase[order], column) for column in x.T]).T
 
     def limit(self) -> tuple[np.ndarray, float] | None:
         """The solution at d = 0, by way of the d that was found: values (k, n) at the nodes, and q."""
-        degree, d = FIRST, self.small
-        here = self.at(self.guess(self._places(_nodes(degree))), self.number, d)
-        for _ in range(HALVINGS):
-            if here is not None:
-                d = 0.5 * d
-                here = self.at(*here, d)
+        degree = FIRST
+        x = self.guess(self._places(_nodes(degree)))
+        here = (x, self.number) if self.resting is None else (x, self.resting.q)
+        for d in [0.5**k * self.small for k in range(HALVINGS + 1)] if self.resting is None else []:
+            here = None if here is None else self.at(*here, d)
         here = None if here is None else self.at(*here, 0.0)
         # There nothing is fast, and more coefficients resolve nothing else.
         while here is not None and degree < LAST:

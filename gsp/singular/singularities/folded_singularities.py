@@ -182,6 +182,30 @@ def folded_singularity(
     return _classified(system, flow, point, held=held)
 
 
+def folded_saddle_node(system: SlowFastSystem, *, near: Mapping[str, float]) -> FoldedSingularity | None:
+    """Where folded singularities meet as the third slow variable changes, which is at rest; None where they do not.
+
+    One fast variable, `near` names every state. Solved are g = g_y = q = 0 with D = 0 of `Desingularised`.
+    """
+    flow = desingularise(system)
+    start = dict(zip([s.name for s in system.states], system.initial(near)))
+    unknowns = (*flow.x, flow.y)
+    begun = np.array([start[s.name] for s in unknowns])
+    units = np.where(begun != 0.0, np.abs(begun), 1.0)
+    try:
+        points = locate((flow.g, flow.fold, flow.q, flow.determinant), unknowns, starts=[begun], units=units)
+    except InfinitelyManyPoints:
+        return None
+    if not points:
+        return None
+
+    def distance(point: Located) -> float:
+        at = point.numbers()
+        return max(abs(at[s] - b) / unit for s, b, unit in zip(unknowns, begun, units))
+
+    return _classified(system, flow, min(points, key=distance))
+
+
 def _starts(
     flow: Desingularised, region: Mapping[str, Interval] | Mapping[sp.Symbol, Interval], names: list[str]
 ) -> Iterator[np.ndarray]:
