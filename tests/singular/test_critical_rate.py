@@ -140,6 +140,18 @@ def test_a_push_that_ends_soon_enough_does_not_tip() -> None:
         assert (run["x"][-1] > 1) == reached
 
 
+def test_a_branch_that_folds_is_not_followed_on_another_sheet() -> None:
+    """Cessi's two boxes under a pulse of fresh water past a fold: slow pulses tip, and fast ones are over too soon."""
+    flux = sp.Rational(11, 10) + l - x * (1 + sp.Rational(62, 10) * (1 - x) ** 2)
+    boxes = gsp.VectorField(states={x: flux}, epsilon=None, parameters={l: 0})
+    pulse = gsp.Ramp.there_and_back({l: (0, sp.Rational(2, 5))})
+    found = gsp.critical_rate(boxes, ramp=pulse, start={"x": 0.24}, edge={"x": 0.69})
+    assert (found.verdict, len(found.rates)) == (TippingVerdict.BELOW, 1)
+    assert found.rate is not None
+    far = [found.run(factor * found.rate, after=50)["x"][-1] > 1 for factor in (0.999, 1.001)]
+    assert far == [True, False]
+
+
 def test_the_orbit_leads_from_the_start_to_the_edge() -> None:
     found = parabola(2, 7)
     (orbit,) = found.connections

@@ -184,6 +184,43 @@ def test_a_saddle_that_orbits_do_not_pass_has_no_rate() -> None:
     assert found.rates == ()
 
 
+PREY, PREDATOR, A = sp.symbols("N P A")
+EATEN = PREY / (sp.Rational(2, 5) + PREY)
+PASSED = {
+    # Beyond the edge it turns for ever, and passes rest points without number.
+    "a generator that slips": (
+        gsp.VectorField({x: y, y: l - sp.sin(x) - y / 10}, epsilon=None, parameters={l: sp.Rational(1, 5)}),
+        Ramp.tanh({l: (sp.Rational(1, 5), sp.Rational(19, 20))}), {"x": 0.2, "y": 0}, {"x": 1.888, "y": 0}, 100,
+    ),
+    # The edge lies on the axis without predators, along which its unstable direction leads to another saddle.
+    "an edge on an axis": (
+        gsp.VectorField(
+            {
+                PREY: 4 * PREY * (1 - PREY) * (PREY - A) - PREDATOR * EATEN,
+                PREDATOR: PREDATOR * (sp.Rational(6, 5) * EATEN - sp.Rational(102, 125)),
+            },
+            epsilon=None, parameters={A: sp.Rational(1, 20)},
+        ),
+        Ramp.tanh({A: (sp.Rational(1, 20), sp.Rational(1, 2))}), {"N": 0.85, "P": 0.6}, {"N": 0.5, "P": 0}, 400,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.exhaustive] if "slips" in name else []) for name in PASSED]
+)
+def test_where_orbits_beside_the_edge_go_is_told(name: str) -> None:
+    field, ramp, start, edge, after = PASSED[name]
+    found = gsp.critical_rate(field, ramp=ramp, start=start, edge=edge)
+    assert (found.verdict, len(found.rates)) == (TippingVerdict.ABOVE, 1)
+    assert found.rate is not None
+    first = field.states[0].name
+    ends = [found.run(factor * found.rate, after=after)[first][-1] for factor in (1 - 1e-6, 1 + 1e-6)]
+    home = {"x": np.arcsin(0.95), "N": 0.85}[first]
+    assert ends[0] == pytest.approx(home, abs=0.05)
+    assert abs(ends[1] - home) > 0.5
+
+
 def test_an_edge_that_is_a_cycle_is_asked_about_by_a_level() -> None:
     """Inside the cycle |z - l| = 1 the state comes home, beyond it it blows up: where the ramp ends, that decides."""
     offset = x - l

@@ -15,8 +15,8 @@ from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.ramp import Ramp
 from gsp.systems.system import SlowFastSystem, VectorField
 
-# A branch is followed in steps, shares of the way, over which the determinant of f_x stays within a factor of 2; it
-# folds where they get as short as the second.
+# A branch is followed in steps, shares of the way, over which it hardly turns; it folds where they get as short as the
+# second.
 LONGEST, SHORTEST = 0.125, 2.0**-40
 
 
@@ -127,9 +127,9 @@ class Ramped:
             step = share * (last - begin.s)
             target = last if abs(step) >= abs(last - at) else at + step
             _, f_x, f_s, *_ = self.at(x, at)
-            found = self.rest_point(x - np.linalg.solve(f_x, f_s) * (target - at), target)
-            ratio = np.nan if found is None else _determinant(self.at(found, target).f_x) / _determinant(f_x)
-            if found is not None and 0.5 < ratio < 2.0:
+            slope = -np.linalg.solve(f_x, f_s)
+            found = self.rest_point(x + slope * (target - at), target)
+            if found is not None and self._is_next(Place(at, x), slope, Place(target, found)):
                 x, at, share = found, target, min(2.0 * share, LONGEST)
                 way.append(Place(at, x))
             else:
@@ -137,6 +137,20 @@ class Ramped:
                 if share < SHORTEST:
                     break
         return way
+
+    def _is_next(self, place: Place, slope: np.ndarray, found: Place) -> bool:
+        """Whether `found` is on the branch of `place`, along which dx/ds is `slope` there, and not on another one.
+
+        The determinant of f_x stays within a factor of 2, and x moves as the slopes at both places say.
+        """
+        (_, before, *_), (_, f_x, f_s, *_) = self.at(place.x, place.s), self.at(found.x, found.s)
+        if not 0.5 < _determinant(f_x) / _determinant(before) < 2.0:
+            return False
+        slopes, step = np.array([slope, -np.linalg.solve(f_x, f_s)]), found.s - place.s
+        off = np.abs(found.x - place.x - slopes.mean(axis=0) * step)
+        # The trapezoidal rule: what it misses is a part of what x moves, or rounding.
+        rounding = np.finfo(float).eps ** 0.5 * (np.abs(found.x) + np.abs(place.x))
+        return bool((off <= 0.5 * np.abs(slopes * step).max(axis=0) + rounding).all())
 
     def check_way(self, x: np.ndarray) -> None:
         """Raise unless rho leads from the first end to the last, where it has no multiple zeros."""

@@ -36,6 +36,8 @@ DECADES, PER_DECADE = 3, 10
 SETTLING = 40.0
 # A run that ends so near to a rest point, by the distance of the two that the edge divides, ends in it.
 NEAR = 0.1
+# Orbits beside the edge begin by this away from it.
+BESIDE = 1e-6
 
 
 class Edge(NamedTuple):
@@ -175,11 +177,15 @@ class Passage:
 
     @cached_property
     def _beside(self) -> list[Trajectory]:
-        """Runs from beside the edge along its unstable direction, on the lower and the upper side."""
+        """Runs from beside the edge along its unstable direction, on the lower and the upper side.
+
+        A little towards the start, lest they stay on a plane that is invariant, from which runs of ramps part.
+        """
         names = [x.name for x in self.given.field.states]
         scale = float(np.abs(self.edge.v / self.units).max())
         span = (0.0, 2.0 * self._patience([self.begin]))
-        starts = ((self.edge.place.x + sign * 1e-6 / scale * self.edge.v) / self.units for sign in (-1.0, 1.0))
+        at = self.edge.place.x + BESIDE**1.5 * (self.begin.x - self.edge.place.x)
+        starts = ((at + sign * BESIDE / scale * self.edge.v) / self.units for sign in (-1.0, 1.0))
         return [trajectory_of(self._fields[1], start=dict(zip(names, start)), span=span) for start in starts]
 
     def _rest(self, run: Trajectory) -> np.ndarray | None:
@@ -188,7 +194,8 @@ class Passage:
             return None
         x = self.units * run.y[: len(self.units), -1]
         at = self.given.rest_point(x, self.edge.place.s)
-        whole = self._apart(x, self.edge.place.x)
+        # One that turns or drifts far away is as near to some rest point by its distance from the edge.
+        whole = min(self._apart(x, self.edge.place.x), self._apart(self.begin.x, self.edge.place.x) or np.inf)
         return at if at is not None and self._apart(at, x) <= NEAR * whole else None
 
     def ending(self, last: Trajectory) -> int:
