@@ -158,7 +158,10 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     if attempt("the ramps", lambda: drawn_ramp(analysis.scene)) is not None:
         charts["ramp"] = _ramp
     charts["phase_portrait"] = phase_portrait
-    if attempt("the eigenvalues", lambda: has_constant_eigenvalues(analysis)) is not True:
+    if (
+        analysis.hyperbolicity.failing
+        or attempt("the eigenvalues", lambda: has_constant_eigenvalues(analysis)) is not True
+    ):
         charts["eigenvalues"] = eigenvalues
     if has_boxes(analysis):
         charts["proof"] = proof

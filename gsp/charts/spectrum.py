@@ -29,13 +29,14 @@ def has_constant_eigenvalues(analysis: Analysis) -> bool:
 
 @chart()
 def eigenvalues(analysis: Analysis, axes: Axes) -> None:
-    """Fast eigenvalues over the region, in fast time, with the gap marked.
+    """Fast eigenvalues over the region, in fast time, with the gap marked, and with a ring where a condition fails.
 
     Real parts along a line for one slow variable; the real part nearest to the axis in colour for two; points in
     the complex plane for more, and where they do not change.
     """
     slow = [x.name for x in analysis.study.system.x]
-    if len(slow) > 2 or has_constant_eigenvalues(analysis):
+    still = has_constant_eigenvalues(analysis) and not analysis.hyperbolicity.failing
+    if len(slow) > 2 or still:
         _plane(analysis, axes)
     elif len(slow) == 1:
         _line(analysis, axes, slow[0])
@@ -63,6 +64,10 @@ def _line(analysis: Analysis, axes: Axes, name: str) -> None:
     gap = analysis.hyperbolicity.known_gap
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.axhspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
+    nearest = np.min(np.abs(real), axis=1) * np.sign(
+        real[np.arange(len(real)), np.argmin(np.abs(real), axis=1)]
+    )
+    _ring(axes, [(at, np.interp(at, x[:, 0], nearest)) for (at,) in _failing(analysis, [name])])
     axes.set_xlim(x[0, 0], x[-1, 0])
     low, high = margins(np.append(real.ravel(), 0.0), 0.08)
     axes.set_ylim(low, high)
@@ -85,10 +90,23 @@ def _map(analysis: Analysis, axes: Axes, names: list[str]) -> None:
     )
     cast(Axes, bar.ax).tick_params(length=3)
     worst = int(np.nanargmin(np.abs(shown)))
-    label = f"least of the samples: {analysis.hyperbolicity.gap:.3g}"
-    axes.plot(*x[worst], "o", mfc="none", color=VERMILION, ms=9, mew=1.8, ls="none", clip_on=False, label=label)
+    failing = _failing(analysis, names)
+    label = "fails here" if failing else f"least of the samples: {analysis.hyperbolicity.gap:.3g}"
+    _ring(axes, failing or [tuple(x[worst])], label)
     name_axes(axes, *names)
     legend(axes)
+
+
+def _failing(analysis: Analysis, names: list[str]) -> list[tuple[float, ...]]:
+    """Points of the region at which a condition fails, in the coordinates `names`."""
+    return [tuple(point[name] for name in names) for point in analysis.hyperbolicity.failing]
+
+
+def _ring(axes: Axes, points: list[tuple[float, ...]], label: str = "fails here") -> None:
+    """A ring around each point, and one line for all of them in the legend."""
+    if points:
+        ring = {"mfc": "none", "color": VERMILION, "ms": 9, "mew": 1.8, "ls": "none", "clip_on": False}
+        axes.plot(*np.transpose(points), "o", label=label, zorder=5, **ring)
 
 
 def _plane(analysis: Analysis, axes: Axes) -> None:
@@ -99,6 +117,9 @@ def _plane(analysis: Analysis, axes: Axes) -> None:
     axes.axvline(0.0, color=INK, lw=0.8)
     axes.axvspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
     axes.plot(real, imaginary, ".", color=BLUE, ms=5, ls="none", label=r"$\lambda$ over the region")
+    if analysis.hyperbolicity.failing and not analysis.hyperbolicity.shortfall:
+        worst = int(np.argmin(np.abs(real)))
+        _ring(axes, [(real[worst], imaginary[worst])])
     axes.set_xlim(*margins(np.append(real, [0.0, 0.2 * gap]), 0.08))
     axes.set_ylim(*margins(np.append(imaginary, [-gap, gap]), 0.08))
     axes.set_xlabel(r"$\mathrm{Re}\,\lambda$ in fast time")

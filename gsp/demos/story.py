@@ -26,7 +26,7 @@ TOP = (
 )  # fmt: skip
 STEP = (
     "text", "epsilon", "parameters", "start", "end", "orders", "rivals", "axes", "trace", "play", "marks", "tolerance",
-    "fixed", "views", "highlight", "flow",
+    "fixed", "views", "highlight", "flow", "near",
 )  # fmt: skip
 BODY = ("name", "angle", "at", "reach", "parts")
 MARK = ("axis", "at", "name")
@@ -101,10 +101,12 @@ class _Reader:
         self.started: list[str] = [*parts["states"], *parts["driven"]]
         self.has_claims = bool(parts["claims"])
         self.ranges: dict[str, tuple[float, float]] = {}
+        self.has_body = False
 
     def story(self, document: dict) -> dict[str, Any]:
         check_keys(document, TOP)
         told = {key: table(document, key) for key in ("frame", "window", "ranges")}
+        self.has_body = "body" in document
         self.ranges = {
             self.name(n, self.parameters, "ranges", "parameter"): _range(v, f"ranges.{n}")
             for n, v in told["ranges"].items()
@@ -170,9 +172,11 @@ class _Reader:
             self.name(n, self.started, "start", "state"): _number(v, f"start.{n}")
             for n, v in table(step, "start").items()
         }
-        for key in ("rivals", "play", "flow"):
+        for key in ("rivals", "play", "flow", "near"):
             if key in step:
                 found[key] = _boolean(step[key], key)
+        if found.get("near") and not self.has_body:
+            raise ModelFileError("near shows the body, and the story has none.", "Draw one under [body].")
         if found.get("rivals") and not self.has_claims:
             raise ModelFileError("rivals are shown, and the model has no [claims].", "Leave rivals out.")
         marks = step.get("marks", [])

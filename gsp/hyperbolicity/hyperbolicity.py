@@ -111,6 +111,12 @@ class Hyperbolicity(Card):
         return not refuted and not self.is_open and all(condition.holds for condition in self.conditions)
 
     @property
+    def failing(self) -> tuple[Mapping[str, float], ...]:
+        """Points at which a condition fails: the losses, else where the tangential rate is too large."""
+        found = tuple(loss.point for loss in self.losses)
+        return found if found or self.shortfall is None else (self.shortfall.point,)
+
+    @property
     def is_open(self) -> bool:
         """Whether enclosures leave room for a loss between the samples."""
         found = self.exclusion

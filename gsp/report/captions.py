@@ -161,6 +161,18 @@ def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
     found = analysis.hyperbolicity
+    if found.failing:
+        at = Markup("; ").join(
+            Markup(", ").join(
+                Markup("{} = {}").format(setter.inline(sp.Symbol(name)), number(value, 4))
+                for name, value in point.items()
+            )
+            for point in found.failing
+        )
+        return Markup(
+            "Real parts of the fast eigenvalues over the region, in fast time. A ring marks where a condition fails: "
+            "at {}."
+        ).format(at)
     half = number(found.known_gap, bound=at_least) if found.is_proved else number(found.gap)
     who, where = ("None", "throughout") if found.is_proved else ("At the samples none", "there")
     return Markup(

@@ -148,7 +148,12 @@ def _analysed(
     written = {}
     if latex:
         vectors = {name: drawing["pdf"] for name, drawing in made.items()}
-        written = manuscript(analysis, pictures=vectors, model=name_of_model)
+        written = manuscript(
+            analysis,
+            pictures=vectors,
+            model=name_of_model,
+            three=three if isinstance(three, ThreeScales) else None,
+        )
     content["manuscript"] = list(written)
     files = {f"{name}.png": drawing["png"] for name, drawing in made.items()} | written
     if not isinstance(model, Missing):

@@ -12,7 +12,8 @@ from gsp.analysis.analysis import Analysis
 from gsp.report.captions import caption
 from gsp.report.sections import Page
 from gsp.report.tex import Tex, display, tex
-from gsp.report.wording import number, scientific, words
+from gsp.report.three_scales import ThreeScales
+from gsp.report.wording import number, scientific, signed, words
 from gsp.results.attempts import Missing, attempt
 from gsp.results.lettering import in_unicode
 
@@ -20,6 +21,8 @@ PACKAGE = __name__.rpartition(".")[0]
 TEX, BIB = "report.tex", "report.bib"
 # Two figures stand side by side: the first of these that there is, and the error of the reduced flow.
 FIRST = ("path", "phase_portrait", "manifold", "time_series")
+# What is proved of cycles and passages is drawn in these.
+PROOFS = ("phenomenon", "passage")
 SECOND = "error_against_epsilon"
 _METHODS = {
     "radau": r"Radau's method of order %s~\cite{hairer1996}",
@@ -27,8 +30,11 @@ _METHODS = {
 }
 
 
-def manuscript(analysis: Analysis, *, pictures: Mapping[str, bytes], model: str | None) -> dict[str, bytes]:
+def manuscript(
+    analysis: Analysis, *, pictures: Mapping[str, bytes], model: str | None, three: ThreeScales | None = None
+) -> dict[str, bytes]:
     """The files of a manuscript by their names; `pictures` are PDF files by chart, and `model` names the model file.
+    `three` is the nested reduction of a model with two small parameters.
 
     Each value that is set goes through `tex`, so that no text of a model is read as a command. A section that cannot
     be made has the reason in its place.
@@ -52,10 +58,12 @@ def manuscript(analysis: Analysis, *, pictures: Mapping[str, bytes], model: str 
         "listed": _listed,
         "number": number,
         "scientific": scientific,
+        "signed": signed,
         "sentence": lambda text: f"{text.rstrip('.')}.",
         "words": words,
     }
     page = Page(analysis)
+    limits = attempt("the limits of the reduction", page.reduction_limits)
     shown = [name for name in FIRST if name in pictures][:1]
     shown += [SECOND] if SECOND in pictures else []
     text = environment.get_template(TEX).render(
@@ -67,6 +75,9 @@ def manuscript(analysis: Analysis, *, pictures: Mapping[str, bytes], model: str 
         reduced=_method(analysis, "reduced"),
         version=analysis.versions["gsp-toolkit"],
         model=model,
+        three=three,
+        drawn=[Tex(rf"\verb|{name}.pdf|") for name in PROOFS if name in pictures],
+        limits=None if isinstance(limits, Missing) else limits,
         order=None if "series" in analysis.lost else analysis.series.order,
     )
     return {

@@ -193,6 +193,9 @@ def _maths(node: _Node | str) -> str:
 
 def _row(children: Sequence[_Node | str]) -> str:
     """Parts side by side; brackets that grow do so in pairs."""
+    if any(isinstance(child, _Node) and child.attributes.get("class") == "cases" for child in children):
+        # Cases bring their own brace.
+        children = children[1:]
     grows = [_bracket(child) for child in children]
     paired = grows.count("(") == grows.count(")")
     return "".join(
@@ -229,6 +232,8 @@ def _table(node: _Node) -> str:
     if node.attributes.get("class") == "broken":
         # Rows of the display itself, so that a page may end between them.
         return " \\\\\n& \\quad ".join("".join(cells) for cells in rows)
+    if node.attributes.get("class") == "cases":
+        return r"\begin{cases}" + r" \\ ".join(" & ".join(cells) for cells in rows) + r"\end{cases}"
     return r"\begin{pmatrix}" + r" \\ ".join(" & ".join(cells) for cells in rows) + r"\end{pmatrix}"
 
 
@@ -236,7 +241,8 @@ def _dotted(node: _Node) -> str:
     """A derivative, which is the only accent of a page; of a letter with an index the letter has the dot."""
     letter = node.children[0]
     base, *below = _parts(letter) if isinstance(letter, _Node) and letter.tag == "msub" else [_maths(letter)]
-    return rf"\dot{{{base}}}" + "".join(f"_{{{index}}}" for index in below)
+    command = r"\ddot" if _plain(node.children[1]) == "¨" else r"\dot"
+    return rf"{command}{{{base}}}" + "".join(f"_{{{index}}}" for index in below)
 
 
 _ELEMENTS: Mapping[str, Callable[[_Node], str]] = {

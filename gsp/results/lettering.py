@@ -29,6 +29,7 @@ _REST = (
     r"|(?P<raised>\*\*)"
     r"|\b(?P<root>sqrt)(?=\()"
     r"|(?<=[\w)\]])(?P<product>\*)(?=[\w(])"
+    r"|(?<=[0-9] )(?P<micro>u)(?=s\b)"
     rf"|(?P<sign>{'|'.join(map(re.escape, _SIGNS))})(?!>)"
 )
 _PATTERN = re.compile(rf"(?P<typed>{_CODE}|{_ARGUMENT}){_REST}")
@@ -42,17 +43,30 @@ def in_unicode(text: str, *, is_typed: bool = True) -> str:
 
     >>> in_unicode("x' = -epsilon*x**2 + sqrt(omega)*h_0, at --epsilon 0.1")
     "x' = -ε·x² + √(ω)·h₀, at --epsilon 0.1"
+    >>> in_unicode("15 us a run")
+    '15 μs a run'
     """
     pattern = _PATTERN if is_typed else _SHOWN
     return "\n".join(_line(line, pattern) for line in text.split("\n"))
 
 
-def letter(name: str) -> str:
-    """The name of one symbol: its Greek letter, with the number below.
+_RATE = re.compile(rf"([A-Za-z]|{'|'.join(GREEK)})(d?)dot")
 
-    >>> letter("epsilon"), letter("k_1"), letter("K_M")
-    ('ε', 'k₁', 'K_M')
+
+def rate_of(name: str) -> tuple[str, int] | None:
+    """What a name such as phidot or xddot is the rate of, and how many dots it has; None for any other name."""
+    found = _RATE.fullmatch(name)
+    return None if found is None else (found[1], 1 + len(found[2]))
+
+
+def letter(name: str) -> str:
+    """The name of one symbol: its Greek letter, with the number below or with the dots of a rate above.
+
+    >>> letter("epsilon"), letter("k_1"), letter("K_M"), letter("xdot") == "x\u0307"
+    ('ε', 'k₁', 'K_M', True)
     """
+    if rate := rate_of(name):
+        return GREEK.get(rate[0], rate[0]) + "\u0307\u0308"[rate[1] - 1]
     return _PATTERN.sub(_written, re.sub(r"^([A-Za-z]|[A-Za-z]*[a-z])([0-9]+)$", r"\1_\2", name))
 
 
@@ -79,6 +93,8 @@ def _written(found: re.Match[str]) -> str:
         return found["index"].translate(_SUBSCRIPTS)
     if power := found["power"] or found["bracketed"]:
         return power.translate(_SUPERSCRIPTS)
+    if found["micro"]:
+        return "μ"
     if found["root"]:
         return "√"
     return "^" if found["raised"] else "·" if found["product"] else _SIGNS[found["sign"]]

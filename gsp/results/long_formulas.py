@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
+from typing import Any, cast
 
 import sympy as sp
 
-from gsp.results.lettering import GREEK
+from gsp.results.lettering import GREEK, rate_of
 from gsp.results.table import Names
 
 # Letters of a line on a page as wide as a report: 46 rem hold about so many, beside a name on the left.
@@ -21,7 +23,11 @@ def width(expression: sp.Basic) -> float:
     True
     """
     if isinstance(expression, sp.Symbol):
-        return 1.0 if expression.name in GREEK else max(1.0, 0.8 * len(expression.name))
+        return (
+            1.0
+            if expression.name in GREEK or rate_of(expression.name)
+            else max(1.0, 0.8 * len(expression.name))
+        )
     if isinstance(expression, sp.Rational):
         return float(max(len(str(expression.p)), len(str(expression.q))))
     if not expression.args:
@@ -33,6 +39,8 @@ def width(expression: sp.Basic) -> float:
         if below != 1:
             return max(width(above), width(below)) + 0.5
         return sum(width(factor) + 2 * factor.is_Add + 0.3 for factor in expression.args)
+    if isinstance(expression, sp.Piecewise):
+        return max(width(value) + width(condition) for value, condition in cast(Any, expression.args)) + 5.0
     if isinstance(expression, sp.Pow):
         base, exponent = expression.args
         brackets = 2.0 * (not base.is_Atom)
@@ -40,13 +48,16 @@ def width(expression: sp.Basic) -> float:
     return len(type(expression).__name__) + 2.0 + sum(width(argument) + 1 for argument in expression.args)
 
 
-def lines(expression: sp.Expr) -> tuple[list[sp.Expr], list[tuple[sp.Symbol, list[sp.Expr]]]]:
+def lines(
+    expression: sp.Expr, *, first: int = 1
+) -> tuple[list[sp.Expr], list[tuple[sp.Symbol, list[sp.Expr]]]]:
     """(rows of the expression, its named parts with their rows): sums of terms that each fit into a line.
 
-    The rows add up to the expression once the names are replaced in order; a narrow expression is one row.
+    The rows add up to the expression once the names are replaced in order; a narrow expression is one row. Names are
+    numbered from `first` on.
     """
     names = Names(s.name for s in expression.free_symbols if isinstance(s, sp.Symbol))
-    fresh = (sp.Symbol(names(f"S_{k}")) for k in range(1, 10**6))
+    fresh = (sp.Symbol(names(f"S_{k}")) for k in count(first))
     parts: list[tuple[sp.Symbol, list[sp.Expr]]] = []
     waiting: list[tuple[sp.Symbol, sp.Expr]] = []
     rows = _rows(expression, fresh, waiting)

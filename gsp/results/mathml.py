@@ -16,11 +16,12 @@ from markupsafe import Markup
 from sympy.printing.conventions import split_super_sub
 from sympy.printing.mathml import MathMLPresentationPrinter
 
-from gsp.results.lettering import letter
+from gsp.results.lettering import letter, rate_of
 from gsp.results.long_formulas import lines
 
 _ONE_LINE = re.compile(r"<mo>\(</mo>((?:(?!<mo>[()]</mo>|<mfrac).)*)<mo>\)</mo>")
 
+_DOTS = "˙¨"
 _NEGATIVE = re.compile(r"(?:<mrow>)*<m[on]>−")
 
 # A product next to a word, as in v cos(phi), c tanh(x)^2 and Ke Kt: set solid, the two would be one.
@@ -37,7 +38,43 @@ class _MathPrinter(MathMLPresentationPrinter):
         self.originals = originals
 
     def _print_Symbol(self, sym: Any, style: str = "plain") -> Any:
-        return super()._print_Symbol(self.originals.get(sym, sym), style)  # pyright: ignore[reportAttributeAccessIssue]
+        original = self.originals.get(sym, sym)
+        rate = rate_of(original.name)
+        printed = super()._print_Symbol(sp.Symbol(rate[0]) if rate else original, style)  # pyright: ignore[reportAttributeAccessIssue]
+        if rate is None:
+            return printed
+        dots = self.dom.createElement("mo")
+        dots.setAttribute("mathsize", "120%")
+        dots.appendChild(self.dom.createTextNode(_DOTS[rate[1] - 1]))
+        made = self.dom.createElement("mover")
+        made.appendChild(printed)
+        made.appendChild(dots)
+        return made
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> Any:
+        """A brace, and a line for each case."""
+        table = self.dom.createElement("mtable")
+        table.setAttribute("class", "cases")
+        table.setAttribute("columnalign", "left left")
+        for value, condition in cast(Any, expr.args):
+            line = self.dom.createElement("mtr")
+            word = self.dom.createElement("mtext")
+            word.appendChild(self.dom.createTextNode("otherwise" if condition == sp.true else "if\u00a0"))
+            where = [word] if condition == sp.true else [word, self._print(condition)]
+            for parts in ([self._print(value)], where):
+                cell = self.dom.createElement("mtd")
+                cell.setAttribute("style", "text-align: left")
+                for part in parts:
+                    cell.appendChild(part)
+                line.appendChild(cell)
+            table.appendChild(line)
+        brace = self.dom.createElement("mo")
+        brace.setAttribute("stretchy", "true")
+        brace.appendChild(self.dom.createTextNode("{"))
+        made = self.dom.createElement("mrow")
+        made.appendChild(brace)
+        made.appendChild(table)
+        return made
 
 
 class Typesetter:
@@ -46,6 +83,8 @@ class Typesetter:
     def __init__(self, symbols: Iterable[sp.Symbol]) -> None:
         ordered = list(dict.fromkeys(symbols))
         self._stand_ins = {s: sp.Symbol(f"s{i:03d}") for i, s in enumerate(ordered)}
+        # Parts of long formulas that have a name: no two on a page have the same.
+        self._named = 0
         self._printer = _MathPrinter({stand_in: s for s, stand_in in self._stand_ins.items()})
 
     def row(self, expression: sp.Basic | sp.MatrixBase) -> str:
@@ -55,8 +94,11 @@ class Typesetter:
         text = self._printer.doprint(cast(sp.Basic, expression.xreplace(self._stand_ins)))
         # The double-struck e of the entity is no mathematician's exponential.
         text = text.replace("<mi>&ExponentialE;</mi>", "<mi>e</mi>").replace("&InvisibleTimes;", "&#8290;")
+        for dots in _DOTS:
+            text = text.replace(f"&#{ord(dots)};", dots)
         # Without a mathematical font a browser sets the ASCII sign as a hyphen.
         text = text.replace("<mo>-</mo>", "<mo>−</mo>").replace("<mn>-", "<mn>−")
+        text = text.replace("<mo><</mo>", "<mo>&lt;</mo>").replace("<mo>></mo>", "<mo>&gt;</mo>")
         for product in (_BEFORE_A_WORD, _BEHIND_A_WORD):
             text = product.sub(r'\g<0><mspace width="0.17em"></mspace>', text)
         # Brackets of one line keep their size: grown to the exact height they look loose.
@@ -72,7 +114,8 @@ class Typesetter:
 
     def broken(self, expression: sp.Expr, *, sign: str) -> str:
         """A `sign` and the expression, in as many lines as it needs, its parts named below where it is too wide."""
-        rows, parts = lines(expression)
+        rows, parts = lines(expression, first=self._named + 1)
+        self._named += len(parts)
         if len(rows) == 1 and not parts:
             return row(sign, self.row(expression))
         made = [row(*([sign] if k == 0 else []), self._line(term, k > 0)) for k, term in enumerate(rows)]
@@ -156,7 +199,8 @@ def operator(text: str) -> str:
 def dotted(symbol: str) -> str:
     """The derivative of a symbol in slow time."""
     # As an accent the dot falls onto the letter where no font for mathematics is installed.
-    return f'<mover>{symbol}<mo mathsize="120%">˙</mo></mover>'
+    one, two = (f'<mo mathsize="120%">{dots}</mo></mover>' for dots in _DOTS)
+    return symbol.replace(one, two) if symbol.endswith(one) else f"<mover>{symbol}{one}"
 
 
 def indexed(name: str, below: int, above: str | None = None) -> str:

@@ -109,6 +109,11 @@ def test_what_is_wrong_is_named_with_its_place(cart, changed: str, said: str, tm
     assert str(caught.value).startswith("story.toml: ")
 
 
+def test_near_needs_a_body(cart, tmp_path) -> None:
+    with pytest.raises(ModelFileError, match="story.toml: step 1: near shows the body, and the story has none"):
+        told(cart, tmp_path, '[[steps]]\ntext = "Nothing is near."\nnear = true\n')
+
+
 def test_a_story_that_is_no_file_is_refused(cart, tmp_path) -> None:
     with pytest.raises(ModelFileError, match="there is no such file"):
         gsp.demo(cart, story=tmp_path / "nothing.toml")
@@ -142,7 +147,7 @@ def test_a_share_keeps_the_step_and_all_values(page, tmp_path) -> None:
 
 
 def test_the_sleighs_two_equations_differ_in_path_energy_and_colour(page, tmp_path) -> None:
-    page.open(gsp.write_demo(models.load("chaplygin_sleigh"), tmp_path / "demo.html"), fragment="#step=6")
+    page.open(gsp.write_demo(models.load("chaplygin_sleigh"), tmp_path / "demo.html"), fragment="#step=7")
     page.settle()
     page.measured()
     energies, held = page.run(

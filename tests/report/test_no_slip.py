@@ -10,6 +10,7 @@ import pytest
 import gsp
 from gsp.comparison.survey import NO_SLIP
 from gsp.readers.toml import read_model
+from gsp.report.manuscript import TEX, manuscript
 from gsp.scenes.bearing import no_slip_of
 from gsp.scenes.settings import ask_again
 from gsp.scenes.study import study
@@ -46,6 +47,9 @@ def test_the_page_and_its_json_say_whether_and_where_no_slip_fails(tmp_path) -> 
     assert "fails at" in page
     assert "The field has a switch; exactly, <code>v1 = (w)/epsilon is a fast variable in place of w" in page
     assert (folder / "no_slip.png").is_file()
+    text = manuscript(analysis, pictures={}, model=None)[TEX].decode()
+    section = text[text.index(r"\section{Whether no-slip holds}") : text.index(r"\section{Methods}")]
+    assert f"{content['largest_shares'][0]:.4g}" in section
 
 
 def test_where_it_holds_the_page_says_how_far_the_contact_creeps() -> None:

@@ -6,6 +6,7 @@ import json
 
 import gsp
 from gsp.readers.toml import read_model
+from gsp.report.manuscript import TEX, manuscript
 
 MODEL = """
 [parameters]
@@ -47,7 +48,8 @@ def test_the_page_says_how_fast_is_too_fast(tmp_path) -> None:
     """In slow time x is twice as fast: the rate is that of one state, 2, over epsilon."""
     scene = read_model(MODEL, name="ramped")
     folder = tmp_path / "report"
-    page = gsp.write_report(gsp.analyse(scene), folder).read_text(encoding="utf-8")
+    analysis = gsp.analyse(scene)
+    page = gsp.write_report(analysis, folder).read_text(encoding="utf-8")
     content = json.loads((folder / "report.json").read_text(encoding="utf-8"))["ramps"]
     (rate,) = content["up"]["rates"]
     assert abs(rate - 4) < 1e-9
@@ -55,3 +57,7 @@ def test_the_page_says_how_fast_is_too_fast(tmp_path) -> None:
     for words in ("How fast is too fast?", "tips above the rate", "not told"):
         assert words in page
     assert (folder / "ramp.png").is_file()
+    text = manuscript(analysis, pictures={}, model=None)[TEX].decode()
+    table = text[text.index(r"\section{Critical rates of ramps}") :]
+    assert "& tips above the rate & 4 &" in table
+    assert "& not told &" in table

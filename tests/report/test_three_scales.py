@@ -10,9 +10,11 @@ import sympy as sp
 from markupsafe import Markup
 
 import gsp
+from gsp.report.manuscript import TEX, manuscript
 from gsp.report.sections import Page
 from gsp.report.three_scales import ThreeScales
 from tests.nested.test_nesting import published
+from tests.report.test_manuscript import unknown
 
 HEAD = "<h2>Three time scales</h2>"
 
@@ -36,6 +38,10 @@ def test_a_scene_with_two_small_parameters_has_the_section(tmp_path) -> None:
     found = Page(analysis).three_scales(three)
     for row in found["slopes"]:
         assert [round(float(slope.striptags())) for slope in map(Markup, row["slopes"])] == [1, 2]
+    text = manuscript(analysis, pictures={}, model=None, three=three)[TEX].decode()
+    assert r"\section{Three time scales}" in text
+    assert text.count("at the power") == 1
+    assert unknown(text, content) == []
 
 
 @pytest.mark.exhaustive

@@ -1,7 +1,9 @@
 // The body of a story on its path: outlines, wheels and springs, with what is named at it.
 
 // Names are left out of a body that is smaller than this, in pixels.
-const NAMED = 45;
+const NAMED = 70;
+// From near, the picture is at least so many times as high as half a body.
+const NEAR = 1.25;
 // Turns of a spring where the story does not say.
 const COILS = 8;
 
@@ -12,23 +14,25 @@ function valueOf(model, s, curves, value, t) {
   return place < 0 ? s.parameters[model.parameters.indexOf(value)] : valueAt(curves.full, place, t);
 }
 
-// A path in the plane of two quantities, with the body where a story has one.
-function drawPath(view, model, s, curves, { path, body }, now, colours) {
+// A path in the plane of two quantities, with the body where a story has one. From near it is the body that fills the
+// picture, at its start until time runs.
+function drawPath(view, model, s, curves, { path, body }, now, colours, near = false) {
   view.begin(colours);
   const reach = body ? body.reach : 0;
   const along = body ? body.at : path;
   const places = along.map((value) => model.quantities.indexOf(value));
+  const { t: times } = curves.full;
+  const t = now ?? times[near ? 0 : times.length - 1];
+  const at = along.map((value) => valueOf(model, s, curves, value, t));
   const range = (k) => {
+    if (near) return [at[k] - NEAR * reach, at[k] + NEAR * reach];
     const ends = places[k] < 0 ? Array(2).fill(valueOf(model, s, curves, along[k], s.span[0])) : rangeOf(curves, places[k]);
     return [ends[0] - reach, ends[1] + reach];
   };
-  view.setRanges(range(0), range(1), { equal: true });
+  view.setRanges(range(0), range(1), { equal: true, steady: !near });
   view.axes(...along.map((value) => (typeof value === "number" ? "" : model.labelled(value))));
   view.clipped(() => {
     if (!places.includes(-1)) drawCurves(view, curves, ...places, colours);
-    const { t: times } = curves.full;
-    const t = now === null ? times[times.length - 1] : now;
-    const at = along.map((value) => valueOf(model, s, curves, value, t));
     if (body) drawBody(view, body, at, (value) => valueOf(model, s, curves, value, t), colours);
     else view.dot(...at, colours.ink);
   });
@@ -120,7 +124,7 @@ function drawBody(view, body, at, read, colours) {
     turn(part, [[x, y]]) {
       const angle = read(part.to);
       const whole = angle - 2 * Math.PI * Math.floor(angle / (2 * Math.PI));
-      const radius = 34;
+      const radius = Math.max(34, 0.6 * unit * body.reach);
       c.setLineDash([3, 3]);
       line([[x, y], [x + 1.5 * radius, y]]);
       c.stroke();

@@ -74,7 +74,7 @@ function update() {
 
 function show(s, result, { rtol }) {
   const stepped = s.fixed > 0 ? model.fixed(s) : null;
-  current = { s, rtol, result, stepped, curves: sampleAll(model, result, s, stepped), scales: timeScalesOf(model, result.full, s) };
+  current = { s, rtol, result, stepped, curves: sampleAll(model, result, s, stepped), scales: timeScalesOf(model, result.full, s, rtol) };
 }
 
 function draw() {
@@ -94,7 +94,7 @@ function draw() {
     drawTrace(views.trace, model, s, curves, place(state.trace), now, c, data);
     if (seen("scales")) drawScales(views.scales, current.scales, views.trace.box, now, c);
   }
-  if (seen("path")) drawPath(views.path, model, s, curves, data, now, c);
+  if (seen("path")) drawPath(views.path, model, s, curves, data, now, c, data.story[state.step]?.near);
   if (seen("space")) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data, now, c);
   if (seen("work")) drawWork(views.work, work, state.tolerance, c, state.orders);
   if (seen("errors")) drawErrors(views.errors, model, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);

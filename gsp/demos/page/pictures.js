@@ -257,7 +257,7 @@ function drawErrors(view, model, ladder, epsilon, colours, orders, rivals) {
   const said = lines === 0
     ? "Switch an order on to measure its error."
     : exact.length ? `exact to rounding: order ${exact.join(", ")}` : "";
-  view.name(said, view.width / 2, view.height / 2, 0.5);
+  view.word(said, (view.width - view.context.measureText(said).width) / 2, view.height / 2, colours.ink);
 }
 
 // The net of M0 in a box: {spans, lines}, a line the points along it in pieces of one kind, {attracts, along}. It changes

@@ -7,8 +7,9 @@ const PRODUCTS = 2e7;
 const SEPARATION = 10;
 
 // {t, modes, gaps}: modes[r] the decimal logarithms of the r-th fastest time scale at the places t, NaN for what stands
-// still, and gaps the widest pair of neighbours at each, where all that are faster decay; null where none is wide enough.
-function timeScalesOf(model, run, s) {
+// still, and gaps the widest pair of neighbours at each, where all that are faster decay; null where none is wide enough. As the
+// run is exact to `rtol`, a ratio that is nearer than that to the limit is at it: else a constant ratio of 10 would flicker.
+function timeScalesOf(model, run, s, rtol) {
   const n = model.nRaw;
   const p = model.constants(s);
   const count = Math.round(Math.min(PLACES[1], Math.max(PLACES[0], PRODUCTS / (10 * n * n * n))));
@@ -34,7 +35,7 @@ function timeScalesOf(model, run, s) {
     let widest = null;
     for (let r = 0; r + 1 < moving.length && moving[r].real < 0; r++) {
       const ratio = moving[r].rate / moving[r + 1].rate;
-      if (ratio >= Math.max(SEPARATION, widest ? widest.ratio : 0)) widest = { ratio, between: [modes[r][k], modes[r + 1][k]] };
+      if (ratio >= Math.max(SEPARATION * (1 - rtol), widest ? widest.ratio : 0)) widest = { ratio, between: [modes[r][k], modes[r + 1][k]] };
     }
     return widest;
   });
