@@ -110,7 +110,7 @@ def test_what_is_wrong_is_named_with_its_place(cart, changed: str, said: str, tm
 
 
 def test_near_needs_a_body(cart, tmp_path) -> None:
-    with pytest.raises(ModelFileError, match="story.toml: step 1: near shows the body, and the story has none"):
+    with pytest.raises(ModelFileError, match="step 1: near shows the body, and the story has none"):
         told(cart, tmp_path, '[[steps]]\ntext = "Nothing is near."\nnear = true\n')
 
 
