@@ -20,13 +20,18 @@ WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 def check_keys(
     table: Iterable[str], known: Sequence[str], prefix: str = "", *, elsewhere: Mapping[str, Iterable[str]] = {}
 ) -> None:
-    """Refuse a key of `table` that is none of `known`; `elsewhere` tells the keys of other tables, named so."""
+    """Refuse a key of `table` that is none of `known`; `elsewhere` tells the keys of other tables, named so; "" is the
+    top of the file."""
     for key in table:
         if key in known:
             continue
         remedy = nearest(key[:64], known)
         for other in (other for other, keys in elsewhere.items() if key in keys):
-            remedy = f" It belongs under [{other}]: {other}.{key}."
+            remedy = (
+                f" It belongs under [{other}]: {other}.{key}."
+                if other
+                else " It belongs above the first table."
+            )
         raise ModelFileError(f"{prefix}{key[:64]} is unknown.{remedy} The keys here are {', '.join(known)}.")
 
 

@@ -198,7 +198,9 @@ function addViews() {
   const container = byId("views");
   if (data.path || data.body) {
     views.path = new View(container, "The path in the plane");
-    views.path.say(data.body ? `path of ${data.body.name}` : "path");
+    // What stands still has no path.
+    const moves = data.body?.at.some((value) => typeof value === "string");
+    views.path.say(data.body ? `${moves ? "path of " : ""}${data.body.name}` : "path");
   }
   views.plane = new View(container, "Phase plane");
   const other = (value, place) => {
