@@ -14,7 +14,7 @@ FOLDER = Path(__file__).parent
 WIDTH, SCALE = 1000, 1.5
 # Name of the picture: the scene, the step of its story from 0, and whether the page is dark.
 SCREENS = {
-    "sleigh": ("chaplygin_sleigh", 6, False),
+    "sleigh": ("chaplygin_sleigh", 7, False),
     "canard": ("van_der_pol", 7, True),
     "koper": ("koper", 4, False),
     "shishkova": ("shishkova", 4, False),

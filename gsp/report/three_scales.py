@@ -38,7 +38,8 @@ class ThreeScales:
     def as_dict(self) -> dict[str, Any]:
         """What `gsp nest` says, as plain values."""
         comparisons = {name: each.as_json() for name, each in self.measured.items()}
-        return {**self.found.as_dict(), "comparisons": comparisons}
+        gaps = {"C1": self.found.first.hyperbolicity.gap, "C2": self.found.second.hyperbolicity.gap}
+        return {**self.found.as_dict(), "gaps": gaps, "comparisons": comparisons}
 
 
 def three_scales(page: Page, three: ThreeScales) -> dict[str, Any]:
