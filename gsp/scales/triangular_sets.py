@@ -37,6 +37,8 @@ class TriangularSet(NamedTuple):
             return polynomial, below
         for psi, v in zip(self.equations, self.pivots):
             polynomial, lead = pseudo_remainder(polynomial, psi, v)
+            if lead.is_one():
+                continue
             below, other = pseudo_remainder(below * lead, psi, v)
             polynomial *= other
         return polynomial, below
@@ -197,10 +199,11 @@ def pseudo_remainder(polynomial: Polynomial, divisor: Polynomial, v: int) -> tup
     if polynomial == 0 or polynomial.degrees()[v] < degree:
         return polynomial, below
     lead, variable = leading(divisor, v), polynomial.context().gen(v)
-    tail = divisor - lead * variable**degree
     while polynomial != 0 and (own := polynomial.degrees()[v]) >= degree:
-        top = leading(polynomial, v)
-        polynomial = lead * (polynomial - top * variable**own) - top * tail * variable ** (own - degree)
+        multiple = leading(polynomial, v) * divisor
+        if own > degree:
+            multiple *= variable ** (own - degree)
+        polynomial = polynomial * lead - multiple
         below *= lead
     return polynomial, below
 

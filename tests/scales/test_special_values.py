@@ -7,6 +7,7 @@ import itertools
 import pytest
 import sympy as sp
 
+from gsp.algebra.elimination_over_rationals import generic_point
 from gsp.errors import DeclarationError, Status
 from gsp.scales import special_values
 from gsp.scales.special_values import small_parameters
@@ -139,6 +140,30 @@ def test_the_work_is_bounded_and_what_was_found_is_given(monkeypatch) -> None:
     assert "of 63 choices" in found.message
     whole = small_parameters(michaelis_menten())
     assert whole.status is Status.TOO_MANY_STEPS or len(whole) == 15
+
+
+@pytest.mark.exhaustive
+def test_five_species_with_eight_rates_are_gone_through_to_the_end() -> None:
+    """An enzyme with an inhibitor and a supply: each manifold consists of equilibria, across it the rank is full."""
+    E, S, I, C, D, *k = sp.symbols("E S I C D k1:9")  # noqa: E741
+    bind, make, block = k[0] * E * S - k[1] * C, k[2] * C, k[4] * E * I - k[5] * D
+    rates = {E: -bind + make - block + k[6] * D, S: k[7] - bind - k[3] * S, I: -block, C: bind - make,
+             D: block - k[6] * D}  # fmt: skip
+    found = small_parameters(field(rates, k))
+    assert found.status is Status.SUCCESS
+    assert found.message.startswith("255 of 255")
+    assert {len(each.graph or {}) for each in found} >= {1, 2, 3, 4}
+    point = generic_point((*rates, *k))
+    for each in found:
+        if each.graph is None:
+            continue
+        gone = {p: 0 for p in k if p.name in each.vanishing}
+        on = {z: e.subs(point) for z, e in each.graph.items()}
+        there = {**{s: value for s, value in point.items() if s not in gone}, **gone, **on}
+        layer = sp.Matrix([*rates.values()])
+        assert layer.subs(there).is_zero_matrix, each
+        linear = layer.jacobian([*rates]).subs(there)
+        assert linear.rank() == (linear**2).rank() == len(on), each
 
 
 def test_interrupted_it_gives_what_it_has() -> None:
