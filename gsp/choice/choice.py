@@ -9,7 +9,7 @@ it is measured once, and shown wherever the choice is.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from gsp.choice.candidates import (
     PIECE,
     Candidate,
     ModelKind,
+    Trial,
     full_candidate,
     reduced_candidate,
     run_model,
@@ -26,9 +27,10 @@ from gsp.choice.candidates import (
 )
 from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import Forecast, SurfaceForecast, forecast_of
-from gsp.choice.prediction import CLEARER, SMALLEST_RTOL
+from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure
 from gsp.choice.verdict import Evidence, Verdict, in_words, judge, seconds_shown, serving_of
 from gsp.errors import NO_REASON, DeclarationError, GspError
+from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
@@ -169,10 +171,12 @@ def choose(
     gone = max(layer, fast_time * np.log(1.0 / rtol))
     whole, piece = full_candidate(flow, start, scene, gone, rtol)
     trials = [reduced_candidate(forecast, n, scene, rtol) for n in valid_orders] if forecast else []
+    reference = _reference(forecast, scene, piece)
+    trials = [_beside(trial, forecast, None, scene, piece, reference) for trial in trials]
     surface = None
     if forecast and solve:
         solved, surface = solved_candidate(forecast, [trial.candidate for trial in trials], scene, rtol)
-        trials.append(solved)
+        trials.append(_beside(solved, forecast, surface, scene, piece, reference))
     *reduced, full = timed([*trials, whole])
     ending = ""
     if forecast and max(forecast.prediction.runs) <= max(valid_orders):
@@ -181,7 +185,7 @@ def choose(
     model, partial = select(full, reduced, scene.span)
     names = _compared(scene, forecast)
     serving = serving_of(model, reduced)
-    fast_error, layer_error = _fast_errors(serving, forecast, surface)
+    fast_error, layer_error = _fast_errors(serving, forecast, surface, gone)
     fast_measured = None
     if forecast and serving and serving.order is not None and np.isfinite(layer_error) and np.isnan(fast_error):
         fast_measured = _behind(gone, piece)
@@ -202,7 +206,7 @@ def choose(
             fast_measured=fast_measured,
         )
     )
-    expected, measured = _measured(model, forecast, surface, scene, piece, rtol)
+    expected, measured = _measured(model, forecast, surface, scene, piece, reference)
     return Choice(
         study=study,
         epsilon=scene.epsilon,
@@ -244,13 +248,16 @@ def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tup
 
 
 def _fast_errors(
-    serving: Candidate | None, forecast: Forecast | None, surface: SurfaceForecast | None
+    serving: Candidate | None, forecast: Forecast | None, surface: SurfaceForecast | None, gone: float
 ) -> tuple[float, float]:
-    """(behind the initial layer, in it): predicted errors of fast variables that are not among those asked for."""
+    """(behind the initial layer, in it): predicted errors of fast variables that are not among those asked for.
+
+    Their layer is `gone` later than that of the slow variables, which it moves by O(epsilon).
+    """
     if serving is None or forecast is None or len(forecast.prediction.names) > len(forecast.study.system.x):
         return float("nan"), float("nan")
     first, last = forecast.study.scene.span
-    times = np.linspace(first + forecast.layer, last, GRID_POINTS)
+    times = np.linspace(min(first + gone, last), last, GRID_POINTS)
     if serving.order is not None:
         return forecast.fast_errors(serving.order, times)
     assert surface is not None
@@ -295,38 +302,71 @@ def _compared(scene: Scene, forecast: Forecast | None) -> tuple[str, ...]:
     return forecast.prediction.names if forecast else tuple(s.name for s in scene.system.states)
 
 
+def _reference(forecast: Forecast | None, scene: Scene, piece: Interval) -> Trajectory:
+    """The full system on the piece, the layer left out, far more exact than what is measured against it."""
+    (flow, start), rtol = _full(scene, forecast), max(CLEARER * scene.tolerance, SMALLEST_RTOL)
+    grid = np.linspace(*_behind(forecast.layer if forecast else 0.0, piece), PIECE_POINTS)
+    return run_model(flow, start, scene, piece, rtol, at=grid)
+
+
 def _measured(
     model: Candidate,
     forecast: Forecast | None,
     surface: SurfaceForecast | None,
     scene: Scene,
     piece: Interval,
-    rtol: float,
+    reference: Trajectory,
 ) -> tuple[float, float]:
-    """(predicted, measured) error of the model on the piece, the layer left out."""
+    """(predicted, measured) error of the model on the piece, at the times of its `reference`."""
     (flow, start), names = _full(scene, forecast), _compared(scene, forecast)
     grid = np.linspace(*_behind(forecast.layer if forecast else 0.0, piece), PIECE_POINTS)
-    reference = run_model(flow, start, scene, piece, max(CLEARER * scene.tolerance, SMALLEST_RTOL), at=grid)
+    rtol = INTEGRATION * scene.tolerance
     if model.kind is ModelKind.FULL or forecast is None:
-        own = run_model(flow, start, scene, piece, rtol, at=grid)
         predicted = rtol
         # A run that ends early may have no row on the piece; nothing is measured then.
         scale = {name: float(np.abs(reference[name]).max(initial=0.0)) or 1.0 for name in names}
     elif model.kind is ModelKind.SOLVED:
         assert surface is not None
-        own = run_model(surface.flow, surface.start, scene, piece, rtol, at=grid)
+        flow, start = surface.flow, surface.start
         predicted = float(surface.errors(grid).max())
         scale = forecast.prediction.scale
     else:
         order = model.order
         assert order is not None
-        own = run_model(forecast.flows[order], forecast.starts[order], scene, piece, rtol, at=grid)
+        flow, start = forecast.flows[order], forecast.starts[order]
         predicted = float(forecast.errors(order, grid).max())
         scale = forecast.prediction.scale
+    own = run_model(flow, start, scene, piece, rtol, at=grid)
     if not (own.status.ok and reference.status.ok):
         return predicted, float("nan")
     measured = max(float(np.abs(own[name] - reference[name]).max()) / scale[name] for name in names)
     return predicted, measured
+
+
+def _beside(
+    trial: Trial,
+    forecast: Forecast | None,
+    surface: SurfaceForecast | None,
+    scene: Scene,
+    piece: Interval,
+    reference: Trajectory,
+) -> Trial:
+    """The trial, no longer valid if it is off by more than the tolerance on the piece, whatever was predicted."""
+    if not trial.candidate.valid:
+        return trial
+    _, measured = _measured(trial.candidate, forecast, surface, scene, piece, reference)
+    if not measured > scene.tolerance:
+        return trial
+    why = f"it is off by {measured:.1e} on t = {reference.t[0]:.4g} to {piece[1]:.4g}, more than was predicted"
+    found = replace(
+        trial.candidate,
+        predicted=float("nan"),
+        holds_until=piece[0],
+        valid=False,
+        why_not=why,
+        failure=Failure.UNTOLD,
+    )
+    return replace(trial, candidate=found)
 
 
 def _check_start(scene: Scene) -> None:

@@ -61,9 +61,10 @@ class Forecast:
         The first is not a number where their series does not converge along the run.
         """
         fast = self.fast
-        begun = layer_left(self.inner, np.zeros(1), fast.epsilon, fast.scale)
-        behind = float(fast.errors(order, times).max()) if fast.converges(order, times) else float("nan")
-        return behind, float(begun[0])
+        fast_times = np.append(0.0, (times - fast.first) / fast.epsilon)
+        begun, *left = layer_left(self.inner, fast_times, fast.epsilon, fast.scale)
+        converges = fast.converges(order, times)
+        return float((fast.errors(order, times) + left).max()) if converges else float("nan"), float(begun)
 
     @property
     def fast(self) -> Prediction:
@@ -124,7 +125,8 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
         least_scale=dict.fromkeys(names, 0.0),
     )
     settled = scene.span[0] + scene.epsilon / inner.gap * np.log(1.0 / scene.tolerance)
-    prediction = replace(prediction, settled=settled)
+    landed = np.array([float(inner.terms[s.name][0].outer[0]) for s in study.system.states])
+    prediction = replace(prediction, settled=settled, landed=landed)
     tau = np.linspace(0.0, LAYER_TIMES / inner.gap, LAYER_LOOKS)
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)
     felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
@@ -171,7 +173,8 @@ def layer_left(
     inner: InnerExpansion, tau: np.ndarray, epsilon: float, scale: Mapping[str, float]
 ) -> np.ndarray:
     """What is left of the layer at fast times `tau` (m,): the largest over the names of `scale`, relative to it."""
-    left = inner.layer(tau, epsilon, order=max(inner.order - 1, 0))
+    # Slow variables have none at order 0; from a start on a kink it is known at order 1 and no further.
+    left = inner.layer(tau, epsilon, order=max(inner.order - 1, 1))
     return np.max([np.abs(left[name]) / size for name, size in scale.items()], axis=0)
 
 

@@ -59,7 +59,8 @@ class Prediction:
     """Reduced `runs` by order over one span, and what they say about one another.
 
     `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to; `rtol`
-    is what the runs were asked for. Up to the time `settled` the solution is not near the manifold yet.
+    is what the runs were asked for. Up to the time `settled` the solution is not near the manifold yet. `landed` (n,) is
+    where the layer leads on M0, if a layer comes first.
     """
 
     series: SeriesManifold
@@ -71,6 +72,7 @@ class Prediction:
     sampler: Sampler
     rtol: float
     settled: float = -np.inf
+    landed: np.ndarray | None = None
 
     def compared(self, order: int) -> list[int]:
         """The orders whose runs tell the error of this one: itself and the next two, as far as they begin."""
@@ -223,23 +225,32 @@ class Prediction:
     def crossing(self, order: int) -> float:
         """When the run of this order first crosses a switching surface of the field; infinite when it does not.
 
-        A series is one on each side, and a run across is off by O(epsilon^2), which no higher order tells. The error
-        of order 0 is larger than that, and is told by the next order all the same.
+        A series is one on each side, and a run across is off by O(epsilon^2), which no higher order tells. So is one
+        that begins across, where the layer has moved the slow variables over it. The error of order 0 is larger than
+        that, and is told by the next order all the same.
         """
         if order == 0 or self._surfaces is None:
             return float("inf")
         run, crossed = self.runs[order], float("inf")
         low, high = float(run.t[0]), self.covered(order)
+        sides = None
         for _ in range(1 + REFINEMENTS):
             # Places at which the sides of switching surfaces are looked at, and again where one is crossed.
             times = np.linspace(low, high, 129)
+            places = self._places(run, times)[0]
+            if sides is None and self.landed is not None:
+                places, times = np.vstack([self.landed, places]), np.append(low, times)
             with np.errstate(all="ignore"):
-                values = self._surfaces(self._places(run, times)[0], self.sampler.p)
-            other = np.flatnonzero((values * values[0] < 0.0).any(axis=1))
+                found = np.sign(self._surfaces(places, self.sampler.p))
+            # What begins on a surface is on the side to which it leaves.
+            sides = found[(found != 0.0).argmax(axis=0), np.arange(found.shape[1])] if sides is None else sides
+            other = np.flatnonzero((found * sides < 0.0).any(axis=1))
             if not other.size:
                 break
             crossed = low = float(times[other[0] - 1])
             high = float(times[other[0]])
+            if low == high:
+                break
         return crossed
 
     @cached_property

@@ -80,10 +80,13 @@ class InnerExpansion:
         return self
 
     def layer(self, tau, epsilon: float, *, order: int) -> dict[str, np.ndarray]:
-        """The decaying parts summed through `order`, by name, at fast times `tau` (m,)."""
+        """The decaying parts summed through `order`, as far as they are known, by name, at fast times `tau` (m,)."""
         times, small = np.atleast_1d(np.asarray(tau, dtype=float)), check_epsilon(epsilon)
         return {
-            name: sum((small**k * terms[k].decaying(times) for k in range(order + 1)), np.zeros(len(times)))
+            name: sum(
+                (small**k * term.decaying(times) for k, term in enumerate(terms[: order + 1])),
+                np.zeros(len(times)),
+            )
             for name, terms in self.terms.items()
         }
 

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp.choice.candidates import PIECE, Candidate, ModelKind
-from gsp.choice.choice import _measured
+from gsp.choice.choice import _measured, _reference
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -33,7 +33,8 @@ def measured(rate: sp.Expr, begin: float, *, layer: float = 0.0) -> tuple[float,
         layer=layer,
     )
     model = Candidate(ModelKind.REDUCED, 1)
-    return _measured(model, forecast, None, SCENE, (0.0, 1.0), 1e-9)  # pyright: ignore
+    piece = (0.0, 1.0)
+    return _measured(model, forecast, None, SCENE, piece, _reference(forecast, SCENE, piece))  # pyright: ignore
 
 
 @pytest.mark.parametrize(("layer", "begun"), [(0.0, 0.0), (0.3, 0.3), (5.0, 1.0 - PIECE)])
@@ -54,8 +55,9 @@ def test_of_a_model_that_ends_early_nothing_is_measured() -> None:
 def test_of_a_full_system_that_ends_early_nothing_is_measured() -> None:
     ends = SlowFastSystem(slow={x: 2 * x**2}, fast={y: x - y}, epsilon=eps)
     model = Candidate(ModelKind.FULL, None)
-    found = _measured(model, None, None, replace(SCENE, system=ends), (0.0, 1.0), 1e-9)
+    piece, ending = (0.0, 1.0), replace(SCENE, system=ends)
+    found = _measured(model, None, None, ending, piece, _reference(None, ending, piece))
     assert np.isnan(found[1])
-    found = _measured(model, None, None, SCENE, (0.0, 1.0), 1e-4)
-    assert 0 < found[1] < 1e-3
-    assert found[0] == 1e-4
+    found = _measured(model, None, None, SCENE, piece, _reference(None, SCENE, piece))
+    assert 0 < found[1] < 1e-6
+    assert found[0] == 1e-7
