@@ -29,9 +29,6 @@ LEFT = {
     # The reduced flow comes to rest in a canard point, or passes it, by rounding.
     "report": ("laser_feedback",),
 }
-# What is chosen depends on the order of declaration: the slow coordinates that are found, and with them their box, are
-# others (tmdd); orders whose error is not told are given up for one reason or for another (sherman_rinzel_keizer).
-ORDERED = ("tmdd", "sherman_rinzel_keizer")
 REFERENCE = {"swing_rad": 10.808, "swing_bal": 10.808, "oscillator_mm": float("inf")}
 
 
@@ -57,8 +54,7 @@ def test_neither_units_nor_the_order_of_declaration_nor_what_ran_before_change_a
     study, other = study_of(plain), study_of(reordered(plain, 1))
     expected = {verb: verdict(study, verb) for verb in verbs}
     for verb in reversed(verbs):
-        if verb != "choose" or name not in ORDERED:
-            assert verdict(other, verb) == expected[verb], verb
+        assert verdict(other, verb) == expected[verb], verb
     assert {verb: verdict(study, verb) for verb in verbs} == expected
     for verb in verbs:
         if name not in LEFT[verb]:

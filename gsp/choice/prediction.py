@@ -23,7 +23,7 @@ from gsp.critical.sampling import Sampler
 from gsp.errors import Status
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
-from gsp.scenes.raw_states import BESIDE
+from gsp.scenes.raw_states import BESIDE, RawStates
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
@@ -59,8 +59,8 @@ class Prediction:
     """Reduced `runs` by order over one span, and what they say about one another.
 
     `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to; `rtol`
-    is what the runs were asked for. Up to the time `settled` the solution is not near the manifold yet. `landed` (n,) is
-    where the layer leads on M0, if a layer comes first.
+    is what the runs were asked for. Up to the time `settled` the solution is not near the manifold yet; `landed` (n,)
+    is where its layer leads on M0, if one comes first. `raw` has the region in the states of a field that was split.
     """
 
     series: SeriesManifold
@@ -73,6 +73,7 @@ class Prediction:
     rtol: float
     settled: float = -np.inf
     landed: np.ndarray | None = None
+    raw: RawStates | None = None
 
     def compared(self, order: int) -> list[int]:
         """The orders whose runs tell the error of this one: itself and the next two, as far as they begin."""
@@ -183,14 +184,20 @@ class Prediction:
     def inside(self, run: Trajectory, states: np.ndarray) -> np.ndarray:
         """Which of `states` (m, n) of a run are in the region, or no further out than where it begins.
 
+        The region of a field that was split bounds its raw states, whichever of them became fast coordinates.
         The base point of a start on the region's edge lies beyond it by as much as its fibre carries it.
         """
-        beginning = {s.name: float(run[s.name][0]) for s in self.sampler.system.x}
-        region = {
-            name: (min(low, beginning.get(name, low)), max(high, beginning.get(name, high)))
-            for name, (low, high) in self.region.items()
-        }
-        return self.sampler.inside(states, region)
+        begin = [run[s.name][0] for s in self.sampler.system.states]
+        points = np.vstack([begin, states])
+        values, region = dict(zip((s.name for s in self.sampler.system.states), points.T)), self.region
+        if self.raw is not None:
+            values, region = self.raw.values(points), self.raw.region
+        good = np.ones(len(states), dtype=bool)
+        for name, (low, high) in region.items():
+            first, later = values[name][0], values[name][1:]
+            slack = BESIDE * (high - low)
+            good &= ~((later < min(low, first) - slack) | (later > max(high, first) + slack))
+        return good
 
     def holds_until(
         self, order: int, limit: float, *, after: float, last: float
@@ -316,10 +323,14 @@ def predict(
         )
         for k in needed
     }
-    widened = {
-        name: (low - BESIDE * (high - low), high + BESIDE * (high - low))
-        for name, (low, high) in region.items()
-    }
     return Prediction(
-        series, epsilon, runs, tuple(least_scale), widened, least_scale, sampler or Sampler(series.branch), rtol
+        series,
+        epsilon,
+        runs,
+        tuple(least_scale),
+        region,
+        least_scale,
+        sampler or Sampler(series.branch),
+        rtol,
+        raw=None if study.splitting is None else RawStates(study.splitting, study.scene.region),
     )

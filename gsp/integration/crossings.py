@@ -27,6 +27,9 @@ from gsp.roots import least, root
 TINY = 1e-300
 # A function is on its zero within so many units of rounding: of its terms, and of the time and the step.
 ROUNDING = 16 * 2.0**-52
+# A minimum that is this share of the values on both sides of it is zero: `least` comes to 4e-9 of the interval at a
+# kink, and to the square of that at a zero of even order.
+TOUCHED = 1e-6
 
 
 class Instant(NamedTuple):
@@ -336,6 +339,8 @@ class Search:
 
     def _crossed(self, column: int, a: float, b: float, sense: int, piece: RunPiece) -> float:
         """The change of sign between `a`, where the sign is -sense, and `b`, to rounding."""
+        if a == b:
+            return a
 
         def value(t: float) -> float:
             found = sense * self._value(column, t, piece)
@@ -359,11 +364,13 @@ class Search:
         return (j > i + 1) | (~(np.minimum(size[i], size[j]) > bound) & falls & rises)
 
     def _dip(self, column, i, j, sign, t, g, piece):
-        """The two crossings between points i and j of the same sign, where |g| dips through zero between them."""
+        """The two crossings between points i and j of the same sign, where |g| dips through zero between them, or the
+        one instant at which it comes to zero."""
         a, b = float(t[i]), float(t[j])
         lowest, value = least(lambda s: sign[i] * self._value(column, s, piece), a, b, below=0.0)
         if not value < 0.0:
-            return []
+            touches = self.watched[column].touches and value <= TOUCHED * min(abs(g[i]), abs(g[j]))
+            return [(lowest, lowest, -int(sign[i]))] if touches else []
         return [(a, lowest, -int(sign[i])), (lowest, b, int(sign[i]))]
 
 

@@ -69,6 +69,7 @@ class Watched:
 
     `settle` makes a crossing of the dense output, given as the search, the column, its time and its piece, into
     what is reported; None says that it was none. `size(t, y)` is that of the function's terms, where it is known.
+    With `touches` a function that comes to zero and keeps its sign counts as one that passes through it.
     """
 
     name: str
@@ -76,3 +77,4 @@ class Watched:
     limit: int
     settle: Settle
     size: Callable[[float, np.ndarray], float] = lambda t, y: 0.0
+    touches: bool = False

@@ -41,14 +41,18 @@ class RawStates:
         found[left] = self._are_states(every).reshape(len(left), PLACES).any(axis=1)
         return found
 
-    def _are_states(self, points: np.ndarray) -> np.ndarray:
+    def values(self, points: np.ndarray) -> dict[str, np.ndarray]:
+        """The raw states by name, (m,) each, at `points` (m, n)."""
         raw = self._raw(points, compile_flow(self.splitting.field).constants)
+        return {state.name: raw[:, k] for k, state in enumerate(self.splitting.inverse)}
+
+    def _are_states(self, points: np.ndarray) -> np.ndarray:
         good = np.ones(len(points), dtype=bool)
-        for k, state in enumerate(self.splitting.inverse):
-            if state.name in self.region:
-                low, high = self.region[state.name]
+        for name, value in self.values(points).items():
+            if name in self.region:
+                low, high = self.region[name]
                 slack = BESIDE * (high - low)
-                good &= (raw[:, k] >= low - slack) & (raw[:, k] <= high + slack)
+                good &= (value >= low - slack) & (value <= high + slack)
         return good
 
     @cached_property

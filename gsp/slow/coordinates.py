@@ -102,7 +102,7 @@ def chart(
     cache = {}
     entries = {place: read(e, ring, elements, cache) for place, e in g_y.items()}
     try:
-        inverse = inverted(entries, len(g0), ring) if is_written else factorised(entries, len(g0), ring)
+        inverse = inverted(entries, len(g0), ring) if is_written else factorised(entries, system.y, ring)
     except HyperbolicityError:
         raise HyperbolicityError(
             f"the fast Jacobian g_y is singular on the whole branch {branch}: det g_y = 0 for every "
@@ -166,10 +166,22 @@ def largest_block(entries: Mapping[tuple[int, int], sp.Expr], n: int, counts: Ca
     return largest
 
 
-def factorised(entries: Mapping[tuple[int, int], Gate], n: int, ring: CircuitRing) -> Factors:
-    """The factors of a matrix (n, n) of programs by its entries, eliminated in Markowitz's order."""
-    elimination = eliminate(n, entries)
-    return Factors(ring, entries, elimination.order, elimination.rows, elimination.columns)
+def factorised(
+    entries: Mapping[tuple[int, int], Gate], fast: Sequence[sp.Symbol], ring: CircuitRing
+) -> Factors:
+    """The factors of a matrix of programs by its entries, one row and column for each of `fast`, eliminated in
+    Markowitz's order.
+
+    Equals go by their names: how long a program is does not depend on the order in which variables are declared.
+    """
+    places = sorted(range(len(fast)), key=lambda k: fast[k].name)
+    ranks = {place: rank for rank, place in enumerate(places)}
+    found = eliminate(len(fast), [(ranks[i], ranks[j]) for i, j in entries])
+    order = tuple(places[k] for k in found.order)
+    rows, columns = (
+        tuple(tuple(places[k] for k in part) for part in parts) for parts in (found.rows, found.columns)
+    )
+    return Factors(ring, entries, order, rows, columns)
 
 
 def inverted(

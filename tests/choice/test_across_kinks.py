@@ -89,7 +89,9 @@ def test_what_fast_variables_are_off_by_is_told_where_their_own_layer_is_over() 
     assert found.fast_error < 0.1 * told
 
 
-def test_a_yes_never_stands_beside_a_measured_error_beyond_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_yes_never_stands_beside_a_measured_error_beyond_the_tolerance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     asked = scene(i - v, 20 + v / 2 - i, 0, 0, tolerance=1e-6)
     monkeypatch.setattr(Prediction, "errors", lambda self, order, times: np.full(len(times), 1e-9))
     monkeypatch.setattr(Prediction, "tells", lambda self, order, times: True)

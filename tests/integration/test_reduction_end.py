@@ -729,3 +729,39 @@ def test_output_times_that_lie_together_are_no_end():
     trajectory = run(decay, {"x": 1.0, "y": 1.0}, span=(0, 2), at=at, events=gsp.Event(x - sp.Rational(1, 5)))
     assert trajectory.status is Status.SUCCESS
     assert trajectory.events["x - 1/5"].times == pytest.approx([np.log(5.0)], rel=1e-7)
+
+
+SQUARE = (1 - x) ** 2
+
+
+@pytest.mark.parametrize(
+    "fast",
+    [
+        {y: SQUARE * (x - y)},
+        {y: sp.expand(SQUARE) * x - sp.expand(SQUARE) * y},
+        {y: (1 - x) ** 4 * (x - y)},
+        {y: sp.Abs(1 - x) * (x - y)},
+        {y: (1 - x) * (1 - y) * (x - y)},
+        {y: SQUARE * (x - y), z: x - z},
+        {y: SQUARE * (x - y) + z - x, z: x - z},
+        {y: SQUARE * (x - y) + x - z, z: y - x + SQUARE * (x - z)},
+    ],
+    ids=["square", "expanded", "fourth", "kink", "on M0", "one of two", "driven", "pair"],
+)
+def test_an_eigenvalue_that_touches_zero_ends_a_run_where_classify_says_that_it_is_lost(fast) -> None:
+    system = SlowFastSystem(slow={x: ONE}, fast=fast, epsilon=eps)
+    branch = gsp.solve_critical(system).branches[0]
+    lost = [loss.point["x"] for loss in gsp.classify(branch, region={"x": (0, 3)}).losses]
+    assert lost == pytest.approx([1.0] * len(lost), abs=1e-3)
+    assert lost
+    flow = gsp.restrict(gsp.expand(branch, order=0))
+    found = integrate(flow, start={"x": 0}, span=(0, 3), epsilon=0.01)
+    many = gsp.integrate_many(flow, starts={"x": np.array([0.0, 0.5])}, span=(0, 3), epsilon=0.01)
+    assert found.status is Status.HYPERBOLICITY_LOST
+    assert found["x"][-1] == pytest.approx(1.0, abs=1e-3)
+    assert [status.name for status in many.statuses] == ["HYPERBOLICITY_LOST"] * 2
+
+
+def test_an_eigenvalue_that_comes_near_zero_and_turns_ends_nothing() -> None:
+    system = SlowFastSystem(slow={x: ONE}, fast={y: (SQUARE + sp.Rational(1, 1000)) * (x - y)}, epsilon=eps)
+    assert run(system, {"x": 0, "y": 0}, span=(0, 3), epsilon=0.01).status.ok

@@ -82,7 +82,9 @@ class Ending:
         self._orientation = signs[0]
         settles = (self._zero, self._pair, self._series)
         self.watched = [
-            Watched(TESTS[i], -1, 1, settles[i]) if i < len(TESTS) else Watched("border", -1, 1, self._border)
+            Watched(TESTS[i], -1, 1, settles[i], touches=i < 2)
+            if i < len(TESTS)
+            else Watched("border", -1, 1, self._border)
             for i in self._columns
         ]
         self.signs = np.ones(len(self._columns))
@@ -168,6 +170,11 @@ class Ending:
     def _zero(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         k = piece.step(t)
         start, y = float(piece.times[k]), piece.states[k]
+        if self._keeps_sign(column, t, piece):
+            settled = _run_to(search, t, piece)
+            return replace(
+                settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
+            )
         loss, j = (None, k) if self.flow.order else self._loss(*search.history(k, piece))
         if loss is not None and self._beyond(loss.t):
             tail = search.run(start, y, self.span[1])
@@ -218,8 +225,16 @@ class Ending:
         note = f"a folded singularity of the critical manifold at {self._point(loss.point)}"
         return Status.FOLD_REACHED, note, FOLDED
 
+    def _keeps_sign(self, column: int, t: float, piece: RunPiece) -> bool:
+        """Whether a test function that is 0 at `t` is positive on both sides, as at a zero of even order."""
+        k = piece.step(t)
+        aside = BESIDE * (piece.times[k + 1] - piece.times[k])
+        times = np.clip([t - aside, t + aside], *sorted((piece.times[0], piece.times[-1])))
+        return bool((self.values(times, piece.at(times))[:, column] > 0.0).all())
+
     def _pair(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
-        settled = search.refined(column, t, piece)
+        touches = self._keeps_sign(column, t, piece)
+        settled = _run_to(search, t, piece) if touches else search.refined(column, t, piece)
         values = self._eigenvalues(settled.y)
         n = len(values)
         i, _ = min(
@@ -376,3 +391,13 @@ class Ending:
 
     def _fold_note(self, fold: DeterminantZero) -> str:
         return f"the fold of the critical manifold at {self._point(fold.point)}"
+
+
+def _run_to(search: Search, t: float, piece: RunPiece) -> Settled:
+    """The method's own run from the start of its step to `t`."""
+    k = piece.step(t)
+    start, y = float(piece.times[k]), piece.states[k]
+    if t == start:
+        return Settled(start, y, None)
+    record = search.run(start, y, t)
+    return Settled(float(record.times[-1]), record.states[-1], record)
