@@ -82,6 +82,8 @@ class Search:
         self.stepper = stepper
         self.found: list[list[Settled]] = [[] for _ in watched]
         self.spent: list[Sequence[int]] = []
+        # Columns, each with a time at which it comes to zero and keeps its sign.
+        self.touched: set[tuple[int, float]] = set()
         self.can_end = any(one.limit for one in self.watched)
         start = np.array([first]), y[np.newaxis].copy()
         self._pieces = [start]
@@ -369,8 +371,12 @@ class Search:
         a, b = float(t[i]), float(t[j])
         lowest, value = least(lambda s: sign[i] * self._value(column, s, piece), a, b, below=0.0)
         if not value < 0.0:
-            touches = self.watched[column].touches and value <= TOUCHED * min(abs(g[i]), abs(g[j]))
-            return [(lowest, lowest, -int(sign[i]))] if touches else []
+            # One of the two points may be on the zero itself.
+            low, high = sorted((abs(g[i]), abs(g[j])))
+            if not (self.watched[column].touches and value <= max(TOUCHED * low, TOUCHED**2 * high)):
+                return []
+            self.touched.add((column, lowest))
+            return [(lowest, lowest, -int(sign[i]))]
         return [(a, lowest, -int(sign[i])), (lowest, b, int(sign[i]))]
 
 

@@ -170,7 +170,7 @@ class Ending:
     def _zero(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         k = piece.step(t)
         start, y = float(piece.times[k]), piece.states[k]
-        if self._keeps_sign(column, t, piece):
+        if (column, t) in search.touched:
             settled = _run_to(search, t, piece)
             return replace(
                 settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
@@ -225,15 +225,8 @@ class Ending:
         note = f"a folded singularity of the critical manifold at {self._point(loss.point)}"
         return Status.FOLD_REACHED, note, FOLDED
 
-    def _keeps_sign(self, column: int, t: float, piece: RunPiece) -> bool:
-        """Whether a test function that is 0 at `t` is positive on both sides, as at a zero of even order."""
-        k = piece.step(t)
-        aside = BESIDE * (piece.times[k + 1] - piece.times[k])
-        times = np.clip([t - aside, t + aside], *sorted((piece.times[0], piece.times[-1])))
-        return bool((self.values(times, piece.at(times))[:, column] > 0.0).all())
-
     def _pair(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
-        touches = self._keeps_sign(column, t, piece)
+        touches = (column, t) in search.touched
         settled = _run_to(search, t, piece) if touches else search.refined(column, t, piece)
         values = self._eigenvalues(settled.y)
         n = len(values)
