@@ -54,13 +54,12 @@ def checked_ramps(
                 raise DeclarationError.none_of(
                     moving, p, f"the ramp {name} moves {p}, which is no parameter.", "They are"
                 )
-        points = {
-            what: MappingProxyType(
-                dict(zip((s.name for s in own), complete(point, own, what=f"the {what} of the ramp {name}")))
-                if point
-                else {}
-            )
-            for what, point in (("edge", asked.edge), ("start", asked.start))
-        }
+        points = {}
+        for what, point in (("edge", asked.edge), ("start", asked.start)):
+            # An edge that names one state of several is a level.
+            is_level = what == "edge" and isinstance(point, Mapping) and len(point) == 1
+            named = [s for s in own if is_level and s.name in {str(key) for key in point}] or own
+            given = complete(point, named, what=f"the {what} of the ramp {name}") if point else ()
+            points[what] = MappingProxyType(dict(zip((s.name for s in named), given)))
         checked[name] = RampQuestion(asked.ramp, **points)
     return checked

@@ -88,6 +88,14 @@ def test_profiles_are_those_of_ramps() -> None:
     assert dict(scene.ramps["steep"].edge) == {"x": -2.0}
 
 
+def test_an_edge_that_names_one_state_of_several_is_a_level() -> None:
+    two = MODEL.replace("[states]", '[states]\nw = "-w"').replace("[start]", "[start]\nw = 0")
+    table = '[ramps.up]\nprofile = "tanh"\nparameters = {l = [0, 1]}\nedge = {x = 5}\n'
+    scene = read_model(f"{two}\n{table}", name="m")
+    assert dict(scene.ramps["up"].edge) == {"x": 5.0}
+    assert read_model(as_toml(scene), name="m") == scene
+
+
 def test_ramps_are_kept() -> None:
     scene = read_model(MODEL + RAMPS, name="m")
     assert read_model(as_toml(scene), name="m") == scene
