@@ -19,7 +19,7 @@ from gsp.cycles.sectors import NotProved, Turn, turn_of
 from gsp.proofs import balls
 
 # Halvings of an edge.
-DEEPEST = 12
+DEEPEST = 20
 
 
 def proved(field: EnclosedField, band: Band, epsilon: float, fineness: int) -> Turn:

@@ -4,7 +4,7 @@ prove, over doubles to search.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,7 @@ class EnclosedField:
         slopes = [sp.diff(e, s) for e in self.rates for s in (x, y)]
         self._values = BallFunction(self.arguments, self.rates)
         self._all = BallFunction(self.arguments, [*self.rates, *slopes])
+        self._divergences = self._all.among((0, 3, 6, 8)), self._all.among((1, 2, 3, 6, 8))
         f, g, h = self.rates
         whole = g + small * h
         searched = [f, whole, *(sp.diff(e, s) for e in (f, whole) for s in (x, y)), sp.diff(whole, y, 2), g, h]
@@ -61,6 +62,19 @@ class EnclosedField:
     def with_slopes(self, x: arb, y: arb, epsilon: arb) -> list[arb]:
         """f, g, h, f_x, f_y, g_x, g_y, h_x and h_y."""
         return self._all([x, y, epsilon])
+
+    def divergence(self, axis: int, along: arb, epsilon: arb) -> Callable[[arb], tuple[arb, arb]]:
+        """The rate f (`axis` 0) or g + epsilon h (1), and epsilon times the divergence, over a ball of x or y as a
+        function of one of the other.
+        """
+        function = self._divergences[axis].given([None, along, epsilon] if axis else [along, None, epsilon])
+
+        def over(across: arb) -> tuple[arb, arb]:
+            *rate, f_x, g_y, h_y = function([across, along, epsilon] if axis else [along, across, epsilon])
+            whole = rate[0] + epsilon * rate[1] if axis else rate[0]
+            return whole, g_y + epsilon * (h_y + f_x)
+
+        return over
 
     def nearby(self, points: Sequence | np.ndarray, epsilon: float) -> np.ndarray:
         """f, G = g + epsilon h, f_x, f_y, G_x, G_y, G_yy, g and h at points (k, 2), as rows (9, k); rounded."""

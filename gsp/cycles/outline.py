@@ -254,16 +254,22 @@ class Outliner:
             return np.inf
         found = []
         for small in self.values:
-            y, slope, bend = self._sheet(frame, x, small)
+            y, (f, _, _, _, g_x, slope, bend, *_) = self._sheet(frame, x, small)
             distance = self.distance * frame.sizes[1]
+            # Orbits come back to the sheet on such a way: edges that followed them would be no longer.
+            way = small * abs(f / slope)
+            if way * MOST_EDGES < frame.sizes[0]:
+                # So far orbits lag behind a sheet that goes away from them.
+                rise = -g_x / slope * frame.slow * frame.fast
+                distance = max(distance, -side * rise * way / FOLLOWED**2)
             if bend != 0.0:
                 # g_y has another value as far away as slope/bend: half way to the repelling sheet it is zero.
                 distance = min(distance, 0.3 * abs(slope / bend))
             found.append(y + side * distance)
         return max(found) if side > 0.0 else min(found)
 
-    def _sheet(self, frame: Frame, x: float, epsilon: float) -> tuple[float, float, float]:
-        """Y of the sheet over X, by Newton's method from the orbit, g_y and g_yy there."""
+    def _sheet(self, frame: Frame, x: float, epsilon: float) -> tuple[float, list[float]]:
+        """Y of the sheet over X, by Newton's method from the orbit, and the field's values and slopes there."""
         at = frame.sheet[:, 0]
         y = float(np.interp(x, at, frame.sheet[:, 1]))
         for _ in range(60):
@@ -276,7 +282,7 @@ class Outliner:
             y += step
             # What is left is the square of that.
             if abs(step) <= 1e-8 * frame.sizes[1]:
-                return y, float(slope), float(values[6])
+                return y, values.tolist()
         raise NoOutline(f"no attracting sheet over {x * frame.slow:.6g}")
 
     def _room(self, frame: Frame) -> float:

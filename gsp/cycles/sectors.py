@@ -7,8 +7,9 @@ the divergence around each closed orbit, or along each orbit that passes.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from heapq import heapify, heappop, heappush
 from operator import attrgetter
 from typing import NamedTuple
@@ -47,15 +48,15 @@ def turn_of(field: EnclosedField, band: Band, epsilon: float, fineness: int) -> 
     is not proved to have one sign.
     """
     least = most = contraction = arb(0)
+    small = balls.hull(0.0, epsilon)
     for k, sector in enumerate(band.sectors):
         slow = band.is_slow(k)
         axis = 0 if slow else 1
-        over = _Box(field, axis, balls.hull(0.0, epsilon))
         height, signs = float(np.ptp(sector[:, 1 - axis])) / fineness, set()
         # In fast sectors times are epsilon times the integral over y.
         share = arb(1) if slow else arb(epsilon)
         for strip in slices(band, k, fineness):
-            sign, time, divergence = over.integrals(strip, height)
+            sign, time, divergence = _Sliced(field, axis, small, strip, height).integrals()
             signs.add(sign)
             most += share * time[1]
             if strip.is_passed:
@@ -104,78 +105,103 @@ class _Part(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Box:
-    """A sector's rate, f for `axis` 0 and g + epsilon h for 1, with epsilon in a ball."""
+class _Sliced:
+    """A strip of a sector with its rate r, f for `axis` 0 and g + epsilon h for 1, epsilon in a ball. Boxes are cut
+    across down to `height`.
+    """
 
     field: EnclosedField
     axis: int
     epsilon: arb
+    one: Slice
+    height: float
 
-    def integrals(self, one: Slice, height: float) -> tuple[int, tuple[arb, arb], arb]:
-        """The sign of the rate, and over a strip bounds of the integrals of 1/r, from below and above, and of (g_y +
+    def integrals(self) -> tuple[int, tuple[arb, arb], arb]:
+        """The sign of the rate, and over the strip bounds of the integrals of 1/r, from below and above, and of (g_y +
         epsilon (h_y + f_x))/r, from above.
         """
-        parts = self.parts(one.box, height)
+        parts = self.parts()
         signs = {part.sign for part in parts}
         if len(signs) != 1:
             raise NotProved("a rate changes its sign in a sector")
         (sign,) = signs
-        left, right, *_ = one.box
+        left, right, *_ = self.one.box
         width = arb(right) - arb(left)
         time = (width * min(part.fastest for part in parts), width * max(part.slowest for part in parts))
-        if one.is_passed:
-            found = self.along(left, right, one.row, sign)
+        if self.one.is_passed:
+            found = self.along(left, right, self.one.row, sign)
             if found.is_finite():
                 time = (time[0].max(found.lower()), time[1].min(found.upper()))
         return sign, time, width * max(part.divergence for part in parts)
 
-    def parts(self, box: Box, height: float) -> list[_Part]:
-        """Parts that make up a box. One on which a bound of all of them hangs is halved across down to `height`, and
-        then quartered where its rate is loosely known; raises `NotProved` where one has no sign.
+    def parts(self) -> list[_Part]:
+        """Parts that make up the strip. One on which a bound of all of them hangs is halved across down to `height`,
+        and then quartered where its rate is loosely known; raises `NotProved` where one has no sign.
         """
-        parts = list(self._signed(box, 0, height))
+        parts = list(self._signed(self.one.box, 0))
         for tried, bound in enumerate((attrgetter("divergence"), attrgetter("slowest"))):
             # In fast sectors only positive bounds of the divergence count.
             enough = 0.0 if self.axis == 1 and not tried else -math.inf
             waiting = [(-bound(part), part) for part in parts]
             heapify(waiting)
-            while -waiting[0][0] > enough and (
-                _height((worst := waiting[0][1]).box) > height or worst.is_loose
-            ):
+            while -waiting[0][0] > enough and (self._is_tall((worst := waiting[0][1]).box) or worst.is_loose):
                 heappop(waiting)
-                for part in self._divided(worst.box, worst.quartered, height):
+                for part in self._divided(worst.box, worst.quartered):
                     heappush(waiting, (-bound(part), part))
             parts = [part for _, part in waiting]
         return parts
 
-    def _divided(self, box: Box, quartered: int, height: float) -> Iterator[_Part]:
+    def _divided(self, box: Box, quartered: int) -> Iterator[_Part]:
         x0, x1, y0, y1 = box
         u, v = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-        tall = _height(box) > height
+        tall = self._is_tall(box)
         for a, b in ((x0, x1),) if tall else ((x0, u), (u, x1)):
             for c, d in ((y0, v), (v, y1)):
-                yield from self._signed((a, b, c, d), quartered + (not tall), height)
+                yield from self._signed((a, b, c, d), quartered + (not tall))
 
-    def _signed(self, box: Box, quartered: int, height: float) -> Iterator[_Part]:
+    def _signed(self, box: Box, quartered: int) -> Iterator[_Part]:
         """The box, or parts of it whose rates have signs."""
-        along, across = balls.hull(*box[:2]), balls.hull(*box[2:])
-        x, y = (across, along) if self.axis else (along, across)
-        found = self.field.with_slopes(x, y, self.epsilon)
-        f, g, h, f_x, _, _, g_y, _, h_y = found
-        rate, divergence = g + self.epsilon * h if self.axis else f, g_y + self.epsilon * (h_y + f_x)
+        if self._is_smooth:
+            rate, divergence = self._within(*box[:2])(balls.hull(*box[2:]))
+            smooth = rate.is_finite() and divergence.is_finite()
+        else:
+            f, g, h, f_x, _, _, g_y, _, h_y = found = self._whole(box)
+            rate, divergence = g + self.epsilon * h if self.axis else f, g_y + self.epsilon * (h_y + f_x)
+            smooth = all(v.is_finite() for v in found)
         sign = 1 if rate > 0 else -1 if rate < 0 else 0
-        # Where all is finite the field is smooth.
-        if sign and all(v.is_finite() for v in found):
+        if sign and smooth:
             inverse = balls.quotient(arb(1), sign * rate)
             share = balls.above(balls.product(divergence, inverse))
             loose = quartered < CLOSER and not sign * rate > LOOSE * abs(rate).upper()
             yield _Part(share, balls.above(inverse), balls.below(inverse), sign, box, quartered, loose)
         elif quartered < HALVINGS:
-            yield from self._divided(box, quartered, height)
+            yield from self._divided(box, quartered)
         else:
             raise NotProved(
                 f"the {'fast' if self.axis else 'slow'} rate is not proved to keep its sign in a sector"
             )
+
+    @cached_property
+    def _is_smooth(self) -> bool:
+        """Whether all is finite over the whole strip: then the field is smooth in it."""
+        return all(v.is_finite() for v in self._whole(self.one.box))
+
+    def _whole(self, box: Box) -> list[arb]:
+        along, across = balls.hull(*box[:2]), balls.hull(*box[2:])
+        return self.field.with_slopes(*((across, along) if self.axis else (along, across)), self.epsilon)
+
+    def _within(self, left: float, right: float) -> Callable[[arb], tuple[arb, arb]]:
+        """The rate and the divergence over a part of the strip's length."""
+        if (left, right) not in self._known:
+            self._known[left, right] = self.field.divergence(self.axis, balls.hull(left, right), self.epsilon)
+        return self._known[left, right]
+
+    @cached_property
+    def _known(self) -> dict[tuple[float, float], Callable[[arb], tuple[arb, arb]]]:
+        return {}
+
+    def _is_tall(self, box: Box) -> bool:
+        return box[3] - box[2] > self.height
 
     def along(self, left: float, right: float, row: list[tuple[float, float, float]], sign: int) -> arb:
         """The integral of 1/r over x, in a slow sector: along a line through the middle of the strip, from its middle,
@@ -200,10 +226,6 @@ class _Box:
         bend = half**2 / 2 * (turned.upper() - turned.lower())
         error = (bend + 2 * half * away * abs(by_y)).upper()
         return 2 * half * at + error * balls.hull(-1.0, 1.0)
-
-
-def _height(box: Box) -> float:
-    return box[3] - box[2]
 
 
 def _clipped(sector: np.ndarray, axis: int, grid: list[float]) -> list[list[tuple[float, float, float]]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from typing import Any
 
 import sympy as sp
@@ -116,6 +117,35 @@ class BallFunction(BallProgram):
         for out, function, one, two in self._code:
             registers[out] = function(registers[one]) if two < 0 else function(registers[one], registers[two])
         return [registers[place] for place in self._outputs]
+
+    def among(self, wanted: Sequence[int]) -> BallFunction:
+        """The function with these outputs only, and no operation that none of them needs."""
+        found = copy(self)
+        found._outputs = [self._outputs[i] for i in wanted]
+        needed, code = set(found._outputs), []
+        for operation in reversed(self._code):
+            if operation[0] in needed:
+                needed.update(operation[2:])
+                code.append(operation)
+        found._code = code[::-1]
+        return found
+
+    def given(self, values: Sequence[arb | None]) -> BallFunction:
+        """The function for arguments of which some are known, the others None: what hangs on those only is computed
+        once. It is called with all of them.
+        """
+        found = copy(self)
+        registers: list[Any] = [*values, *self._registers[len(values) :]]
+        found._registers, found._code = registers, []
+        for operation in self._code:
+            out, function, one, two = operation
+            if registers[one] is None or (two >= 0 and registers[two] is None):
+                found._code.append(operation)
+            else:
+                registers[out] = (
+                    function(registers[one]) if two < 0 else function(registers[one], registers[two])
+                )
+        return found
 
     # -- writing -----------------------------------------------------------------------------------
 

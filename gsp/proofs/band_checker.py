@@ -20,7 +20,7 @@ from gsp.proofs.programs import IntervalProgram, Rejected
 
 # Bounds: vertices of a line, bits of a coordinate, strips, halvings, and operations on intervals in all.
 MOST_VERTICES, MOST_BITS, MOST_STRIPS = 10_000, 256, 5000
-DEEPEST, HALVINGS, CLOSER, MOST_OPERATIONS = 14, 9, 5, 60_000_000
+DEEPEST, HALVINGS, CLOSER, MOST_OPERATIONS = 20, 9, 5, 60_000_000
 Vertex = tuple[int, int]
 Segment = tuple[int, int]
 Cut = tuple[int, int]

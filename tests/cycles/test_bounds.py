@@ -47,7 +47,7 @@ EPSILONS = [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 3e-2, 7e-2]
 # Ten values where a cycle is proved.
 OTHERS = {
     "Morris-Lecar": [1e-8, 1e-7, 1e-6, 1e-5, 5e-5, 2e-4, 7e-4, 2e-3, 4e-3, 5.5e-3],
-    "Lengyel-Epstein": [1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 2e-2, 4e-2, 7e-2],
+    "Lengyel-Epstein": EPSILONS,
 }
 
 

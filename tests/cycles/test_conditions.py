@@ -18,7 +18,7 @@ from flint import arb
 from gsp.cycles.annulus import Annulus
 from gsp.cycles.conditions import _crossed, _meet, require_nested
 from gsp.cycles.enclosed_field import EnclosedField
-from gsp.cycles.sectors import NotProved, _Box, _clipped, turn_of
+from gsp.cycles.sectors import NotProved, Slice, _clipped, _Sliced, turn_of
 from gsp.proofs import balls
 from gsp.systems.system import SlowFastSystem
 from tests.cycles.by_hand import (
@@ -158,9 +158,11 @@ def test_strips_hold_the_ends_of_edges_over_them() -> None:
 @pytest.mark.parametrize(("p", "q"), LINEAR)
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_the_time_over_a_strip_is_that_along_every_line(p: int, q: int, sign: int) -> None:
-    box = _Box(field(sign * (16 + p * x + q * y), 1), 0, arb(SMALL))
     row = [(float(u), float(low), float(high)) for u, (low, high) in zip((LEFT, RIGHT), ENDS)]
-    found = box.along(float(LEFT), float(RIGHT), row, sign)
+    strip = Slice((float(LEFT), float(RIGHT), 0.0, 1.0), row, is_passed=True)
+    found = _Sliced(field(sign * (16 + p * x + q * y), 1), 0, arb(SMALL), strip, 1.0).along(
+        *strip.box[:2], row, sign
+    )
     known = list(times(p, q))
     assert all(found.overlaps(arb(exact, 1e-13)) for exact in known)
     # Jumps from one side to the other are allowed for, and little more.
@@ -172,7 +174,9 @@ def test_the_time_over_a_strip_is_open_by_so_much_as_the_slopes_leave() -> None:
     # slope 1/2, others 1/32 from it: (1/8)^2/2 times the range of f_x + f_y/2, and 2 (1/8) (1/32) 2.
     slopes = [arb(1), arb(1), arb(0), balls.hull(-1.0, 1.0), balls.hull(-2.0, 2.0), *[arb(0)] * 4]
     stub: Any = SimpleNamespace(with_slopes=lambda *box: slopes, over=lambda *at: [arb(0.5), arb(1), arb(0)])
-    found = _Box(stub, 0, arb(SMALL)).along(0.25, 0.5, [(0.25, 0.0, 0.0625), (0.5, 0.125, 0.1875)], 1)
+    row = [(0.25, 0.0, 0.0625), (0.5, 0.125, 0.1875)]
+    strip = Slice((0.25, 0.5, 0.0, 0.1875), row, is_passed=True)
+    found = _Sliced(stub, 0, arb(SMALL), strip, 1.0).along(0.25, 0.5, row, 1)
     assert float(found.mid()) == 0.5
     assert 3 / 64 <= float(found.rad()) <= 3 / 64 + 1e-8
 

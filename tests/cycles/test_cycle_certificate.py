@@ -91,6 +91,15 @@ def test_bounds_that_are_loose_by_chance_are_those_of_a_larger_epsilon() -> None
     assert found.epsilon_1 >= 0.0021
 
 
+def test_a_line_stays_as_far_from_a_sheet_as_orbits_lag_behind_it() -> None:
+    """Folds of one orbit whose delays differ twelvefold: nearer to the sheet, edges are as short as steps of a stiff
+    method, and go with the root of epsilon.
+    """
+    orbit = orbit_of(lengyel_epstein(), 0.45, 13.5)
+    outlined = Outliner(EnclosedField.of(lengyel_epstein()), frames_of(orbit), 1e-6)
+    assert len(outlined._closed(outer=True).points) < 1000
+
+
 def test_rates_may_depend_on_epsilon() -> None:
     found = gsp.certify(orbit_of(system(-x - epsilon * y, y - x**3 / 3 + x + epsilon * sp.cos(x)), 2, 0.6))
     assert found.epsilon_0 > 0.02

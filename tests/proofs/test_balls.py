@@ -266,3 +266,19 @@ def test_doubles_about_a_ball_are_bounds(k: int) -> None:
         ball = balls.exact(exact)
         assert Fraction(balls.below(ball)) <= exact <= Fraction(balls.above(ball))
         assert Fraction(balls.magnitude(ball)) >= abs(exact)
+
+
+def test_a_function_of_which_arguments_are_known_takes_fewer_operations_to_the_same_enclosures() -> None:
+    x, y = sp.symbols("x y")
+    whole = BallFunction([x, y], [sp.tanh(x) * y, sp.exp(x + y), sp.cosh(x) + x])
+    at = [arb(2, 0.25), arb(-1, 0.125)]
+    some = whole.among((2, 0))
+    for known in ([at[0], None], [None, at[1]], [None, None], at):
+        found = some.given(known)
+        assert found.operations <= some.operations < whole.operations
+        for one, two in zip(found(at), (whole(at)[2], whole(at)[0])):
+            assert one.contains(two)
+            assert two.contains(one)
+    assert some.given([at[0], None]).operations == 1
+    # Another ball for what is not known.
+    assert some.given([at[0], None])([at[0], arb(5)])[1].contains(arb(2).tanh() * 5)
