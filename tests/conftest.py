@@ -12,8 +12,13 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests.demos.browser import Page, windows
+
+# The same examples on every run, each for as long as it takes: anywhere as in CI. Loaded before collection ends, since
+# hypothesis asks who refers to the generators of plugins, which what is left to itself no longer tells.
+settings.load_profile("ci")
 
 HERE = Path(__file__).parent
 # A session of so many tests asks for every kernel.
@@ -43,8 +48,6 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """
     if len(session.items) > MANY:
         compile_together(os.environ.get("PYTEST_XDIST_WORKER", ""))
-    # It asks who refers to the generators of its plugins, trio's for one, which what is left to itself no longer tells.
-    importlib.import_module("hypothesis")
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 10, 10)

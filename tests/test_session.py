@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
 
@@ -35,3 +36,8 @@ def test_one_file_runs_in_one_process_where_a_plugin_has_loaded_trio(debugger: t
         timeout=300,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_examples_are_the_same_on_every_run_and_are_not_timed() -> None:
+    assert settings().derandomize
+    assert settings().deadline is None

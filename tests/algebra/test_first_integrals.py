@@ -92,7 +92,7 @@ small = st.integers(-2, 2)
 
 
 @given(st.lists(small, min_size=4, max_size=4), st.lists(small, min_size=4, max_size=4))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_layer_with_a_planted_quadratic_integral_gives_it_back(linear: list[int], square: list[int]) -> None:
     planted = (
         sum(c * s for c, s in zip(linear, (x, y))) + square[0] * x**2 + square[1] * x * y + square[2] * y**2
@@ -107,7 +107,7 @@ def test_a_layer_with_a_planted_quadratic_integral_gives_it_back(linear: list[in
 
 
 @given(st.permutations([0, 1, 2]))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 def test_permuted_states_permute_the_integrals(order: list[int]) -> None:
     states = (x, y, z)
     layer = [2 * y * (x - z), x - z, (x - z) * a]

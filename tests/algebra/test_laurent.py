@@ -30,7 +30,7 @@ quotients = st.builds(lambda n, d, k: n / d * eps**k, polynomials, polynomials.f
 
 
 @given(quotients, quotients, st.integers(-2, 3))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_the_coefficients_are_those_of_sympy(left: sp.Expr, right: sp.Expr, order: int) -> None:
     expression = left * right + left - 3 * right
     found = laurent(expression, eps, order=order)
@@ -45,7 +45,7 @@ def test_the_coefficients_are_those_of_sympy(left: sp.Expr, right: sp.Expr, orde
 
 
 @given(quotients)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_pole_order_is_that_of_the_reduced_fraction(expression: sp.Expr) -> None:
     numerator, denominator = sp.fraction(sp.cancel(expression))
     lowest = [min((m[0] for m in sp.Poly(p, eps).monoms()), default=0) for p in (numerator, denominator)]

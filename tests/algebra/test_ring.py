@@ -35,7 +35,7 @@ def rational_functions(draw: st.DrawFn) -> sp.Expr:
     return sp.sympify(top) / bottom
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(rational_functions(), rational_functions())
 def test_sums_products_and_derivatives_agree_with_sympy(f: sp.Expr, g: sp.Expr) -> None:
     ring = ring_for(f, g)
@@ -45,7 +45,7 @@ def test_sums_products_and_derivatives_agree_with_sympy(f: sp.Expr, g: sp.Expr) 
     assert same(ring.to_sympy(ring.derive(F * G, 0).reduced()), sp.diff(f * g, x))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(rational_functions())
 def test_the_inverse_times_the_element_is_one(f: sp.Expr) -> None:
     if sp.cancel(f) == 0:
@@ -55,7 +55,7 @@ def test_the_inverse_times_the_element_is_one(f: sp.Expr) -> None:
     assert ring.to_sympy((element * element.inverse()).reduced()) == 1
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(rational_functions())
 def test_horner_form_has_the_value_of_the_element(f: sp.Expr) -> None:
     ring = ring_for(f)

@@ -84,7 +84,8 @@ def test_a_run_is_repeatable_at_any_tolerance(peer: Peer) -> None:
     solve = prepared(peer, STIFF, [0.0, 0.5], value=0.05)
     first = solve(1e-5, 1e-7).states
     solve(1e-3, 1e-5)
-    assert np.array_equal(solve(1e-5, 1e-7).states, first)
+    # Whether to the last bit is for the peer and its BLAS; what a tolerance leaves behind is larger.
+    assert solve(1e-5, 1e-7).states == pytest.approx(first, rel=1e-9)
 
 
 SINGLE = {

@@ -166,7 +166,7 @@ def test_a_sheet_ends_at_its_fold_and_the_error_says_where() -> None:
 
 
 @given(st.floats(-0.6, 0.6), st.integers(0, 2), st.floats(-0.6, 0.6))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_following_a_sheet_never_changes_sheets(start: float, which: int, target: float) -> None:
     (branch,) = solve_critical(one(x + y - y**3 / 3)).branches
     seed = branch.roots(start)[which]
@@ -264,7 +264,7 @@ def test_a_fast_rate_that_vanishes_at_epsilon_zero_is_refused() -> None:
 
 
 @given(st.permutations([0, 1, 2]))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 def test_permuting_the_fast_variables_permutes_the_points(order) -> None:
     rates = [(y, z - 2 * y + x), (z, w - z), (w, x - w - y)]
     system = SlowFastSystem(slow={x: -x}, fast=dict(rates[i] for i in order), epsilon=eps)

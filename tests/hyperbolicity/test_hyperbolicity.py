@@ -258,7 +258,7 @@ def test_a_branch_that_is_degenerate_everywhere_is_said_to_be() -> None:
 
 @pytest.mark.exhaustive
 @given(st.lists(st.integers(-3, 3), min_size=4, max_size=4), st.sampled_from([(-1, -2), (1, 3), (-2, 1)]))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 def test_a_linear_change_of_the_fast_variables_changes_nothing(entries, rates) -> None:
     matrix = sp.Matrix(2, 2, entries)
     assume(matrix.det() != 0)

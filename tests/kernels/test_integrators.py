@@ -410,12 +410,13 @@ def test_code_and_loops_reject_and_estimate_alike(method):
         Run(method, compiled, (3.0, 0.0, 0.5), [0.0, 0.4, 2.0], loops=which).force_step(0.3)
         for which in (False, True)
     )
-    assert written.advance() == loops.advance() == integrator.FINISHED
+    # Where the error is lost in rounding, further on, so is what the next step's length follows from.
+    assert written.advance(10) == loops.advance(10) == integrator.TOO_MANY_STEPS
     assert written.counters[integrator.REJECTED] > 0
     assert np.array_equal(written.counters[: integrator.FIELD_CALLS], loops.counters[: integrator.FIELD_CALLS])
-    # Where the error is lost in rounding, further on, so is what the next step's length follows from.
     for a, b in ((written.times, loops.times), (written.states, loops.states), (written.dense, loops.dense)):
-        assert np.concatenate(a)[:10] == pytest.approx(np.concatenate(b)[:10], rel=1e-6, abs=1e-9)
+        assert np.concatenate(a) == pytest.approx(np.concatenate(b), rel=1e-6, abs=1e-9)
+    assert written.advance() == loops.advance() == integrator.FINISHED
     t = np.linspace(0.0, 2.0, 101)
     assert written.at(t) == pytest.approx(loops.at(t), rel=1e-7, abs=1e-8)
 
@@ -496,7 +497,7 @@ def test_a_matrix_that_stays_singular_ends_the_run(method):
 # Linear algebra
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(1, 9), st.integers(0, 2**31))
 def test_solving_agrees_with_numpy(n, seed):
     generator = np.random.default_rng(seed)

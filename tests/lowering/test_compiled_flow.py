@@ -231,7 +231,7 @@ def smooth_expressions() -> st.SearchStrategy[sp.Expr]:
     )
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     smooth_expressions(),
     smooth_expressions(),

@@ -407,7 +407,7 @@ def random_system(
     return with_friction(system, list(A * U), epsilon=epsilon, damping=B), A
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(
     st.lists(entry, min_size=16, max_size=16),
     st.lists(entry, min_size=8, max_size=8),

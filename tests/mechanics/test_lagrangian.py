@@ -121,7 +121,7 @@ def test_a_mass_that_grows_with_time_brakes() -> None:
 small = st.integers(-3, 3)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.lists(small, min_size=8, max_size=8))
 def test_energy_is_conserved_for_any_lagrangian_of_positions_and_velocities(c: list[int]) -> None:
     # A mass matrix J^T J + 1 with J a function of angles, a magnetic term and a potential.

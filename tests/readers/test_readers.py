@@ -350,7 +350,7 @@ def test_the_largest_text_that_is_allowed_is_read_quickly(text):
 
 
 @given(st.text(max_size=60))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_random_text_raises_nothing_but_our_own_error(text):
     with contextlib.suppress(ModelFileError):
         parse(text)
@@ -361,7 +361,7 @@ def test_random_text_raises_nothing_but_our_own_error(text):
         st.sampled_from([*"xyz012.e+-*/^(),", "**", " ", "sin(", "log(", "sqrt(", "max(", "pi"]), max_size=25
     )
 )
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 def test_random_near_misses_raise_nothing_but_our_own_error(pieces):
     with contextlib.suppress(ModelFileError):
         assert isinstance(parse("".join(pieces)), sp.Expr)
@@ -409,7 +409,7 @@ def test_constants_that_nearly_cancel_are_read():
 
 
 @given(TREES)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_printed_tree_is_read_back_as_itself(tree):
     text, expected = tree
     found = parse(text)
@@ -644,7 +644,7 @@ def test_the_caret_stands_under_the_place(before: int, behind: int) -> None:
 
 
 @given(st.text(max_size=80))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_random_files_raise_nothing_but_our_own_error(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "random.toml"
     path.write_text(text, encoding="utf-8", errors="replace")

@@ -170,7 +170,7 @@ def manufactured(draw: st.DrawFn):
     return SlowFastSystem(slow={x: f}, fast={y: g[0], z: g[1]}, epsilon=eps), h
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(manufactured())
 def test_a_manufactured_system_returns_its_manifold(case) -> None:
     system, h = case

@@ -217,7 +217,7 @@ integers = st.integers(-2, 2)
     st.lists(integers, min_size=6, max_size=6),
     st.integers(1, 2),
 )
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_a_standard_form_hidden_by_a_linear_change_is_recovered(change, entries, fast_count) -> None:
     matrix = sp.Matrix(3, 3, change)
     assume(matrix.det() != 0)
@@ -245,7 +245,7 @@ def test_a_standard_form_hidden_by_a_linear_change_is_recovered(change, entries,
 
 
 @given(st.permutations([0, 1, 2]))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 def test_permuted_states_permute_the_answer(order) -> None:
     rates = [(x, (y - 2 * x) / eps + z), (y, (2 * x - y) / eps - y), (z, x - z)]
     direct, other = split(field(dict(rates))), split(field(dict(rates[i] for i in order)))

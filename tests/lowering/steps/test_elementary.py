@@ -65,7 +65,7 @@ def units(found: np.ndarray, exact: np.ndarray) -> float:
 
 
 @given(st.floats(-elementary.LARGEST_ANGLE, elementary.LARGEST_ANGLE))
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 def test_angles(code, angle):
     sine, cosine, _ = code([angle])[:, 0]
     assert units(sine, math.sin(angle)) <= UNITS
@@ -73,7 +73,7 @@ def test_angles(code, angle):
 
 
 @given(st.floats(-elementary.LARGEST_EXPONENT, elementary.LARGEST_EXPONENT))
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 def test_exponents(code, exponent):
     assert units(code([exponent])[2, 0], math.exp(exponent)) <= UNITS
 
