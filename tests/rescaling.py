@@ -41,21 +41,15 @@ def scene(name: str) -> Scene:
 def rescaled(scene: Scene, powers: Mapping[str, int]) -> Scene:
     """The scene with each named state in units in which its numbers are 10**power times what they were."""
     system = scene.system
-    units = {s: sp.Integer(10) ** powers.get(s.name, 0) for s in system.states}
-    inner = {s: s / unit for s, unit in units.items() if unit != 1}
-
-    def values(of: Mapping) -> dict:
-        return {s: units.get(s, 1) * sp.sympify(e).xreplace(inner) for s, e in of.items()}
-
     words = {
         "epsilon": system.epsilon,
         "parameters": system.parameters,
-        "observables": values(system.observables),
+        "observables": in_units(system.observables, powers),
     }
     new = (
-        SlowFastSystem(slow=values(system.slow), fast=values(system.fast), **words)
+        SlowFastSystem(slow=in_units(system.slow, powers), fast=in_units(system.fast, powers), **words)
         if isinstance(system, SlowFastSystem)
-        else VectorField(values(system.equations), **words)
+        else VectorField(in_units(system.equations, powers), **words)
     )
 
     def number(name: str, value: float) -> float:
@@ -71,8 +65,14 @@ def rescaled(scene: Scene, powers: Mapping[str, int]) -> Scene:
         starts={},
         claims={},
         views={},
-        reconstruction=values(scene.reconstruction),
+        reconstruction=in_units(scene.reconstruction, powers),
     )
+
+
+def in_units(of: Mapping, powers: Mapping[str, int]) -> dict:
+    """Expressions by symbol where the numbers of each that is named are 10**power times what they were."""
+    inner = {sp.Symbol(name): sp.Symbol(name) / sp.Integer(10) ** power for name, power in powers.items()}
+    return {s: sp.Integer(10) ** powers.get(s.name, 0) * sp.sympify(e).xreplace(inner) for s, e in of.items()}
 
 
 def reordered(scene: Scene, seed: int) -> Scene:

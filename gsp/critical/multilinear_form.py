@@ -7,7 +7,7 @@ reactions has a thousand that are not zero. Only those are formed, compiled, and
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -35,6 +35,11 @@ class MultilinearForm:
         result = np.zeros(self.size, products.dtype)
         np.add.at(result, self.places[0], products)
         return result
+
+    def in_units(self, units: np.ndarray) -> MultilinearForm:
+        """The form where variables and functions, of which there are as many, are in `units` (N,)."""
+        factors = units[self.places[1:]].prod(axis=0) / units[self.places[0]]
+        return replace(self, values=self.values * factors)
 
     def dense(self, variables: int) -> np.ndarray:
         """All derivatives by N = `variables` variables: (n, N, ..., N)."""

@@ -32,6 +32,8 @@ OPERATIONS, FEWEST, MOST, LONGER = 20_000, 16, 512, 8
 POINTS, POINTS_PER_BOX = 512, 64
 # A sample belongs to a tube when it misses it by less, relative to 1 + |y|: samples are found to 1e-12.
 BESIDE = 1e-9
+# A share of a side below rounding of the region is not cut, and a share of the region below it is no finding.
+ROUNDING = float(np.finfo(float).eps)
 # A point without a branch counts when the branch is missing this far on both sides too, relative to the region: a
 # removable singularity is no hole.
 ASIDE = 1e-7
@@ -109,6 +111,9 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
     left = tuple(dict(zip(names, part)) for part in search.left)
     share = min(sum(share_of(part, whole) for part in search.left), 1.0)
     gap = search.gap
+    if share <= ROUNDING:
+        # No place of the region in doubles but its end.
+        left, share = (), 0.0
     if never_zero and left:
         left, share, gap = (), 0.0, 0.0
     return Exclusion(search.tried, left, share, "", gap, points, origins, ends, never_zero)
@@ -152,6 +157,7 @@ class _ExclusionSearch:
                 y[0] / self.units,
                 most_boxes=most - self.tried,
                 at_most=longer * most - self.tried,
+                least=ROUNDING,
             )
             if covering.interrupted:
                 raise KeyboardInterrupt

@@ -12,7 +12,9 @@ from flint import arb
 
 from gsp.algebra.precision import precision
 from gsp.critical.branch import Branch
+from gsp.critical.layer_problem import in_own_units
 from gsp.critical.sampling import Sampler
+from gsp.errors import BranchError
 from gsp.proofs import balls
 from gsp.proofs.anchors import ball_at, point_over
 from gsp.proofs.ball_functions import undefined_within
@@ -59,6 +61,7 @@ def certify_branch(
     sides = [by_name[name] for name in names]
     box: Box = tuple(outer for outer, _ in sides)
     fast = {s.name: checked[s.name] for s in system.y if s.name in checked}
+    branch = _in_units(branch, checked)
     with precision(balls.PRECISION):
         equations, slow = limit_equations(branch, names)
         start = point_over(branch, equations, box, fast)
@@ -75,6 +78,17 @@ def certify_branch(
             checked,
         )
         return _judged(problem, covering)
+
+
+def _in_units(branch: Branch, region: Mapping[str, Interval]) -> Branch:
+    """The branch in units of its states' sizes in the region, by its seed or else a point over the middle."""
+    middle = np.array([sum(region[s.name]) / 2.0 for s in branch.system.x])
+    try:
+        point = np.concatenate(branch.seed or (middle, branch.points(middle[None])[0]))
+    except BranchError:
+        return branch
+    bounds = {s.name: region[s.name] for s in branch.system.states if s.name in region}
+    return in_own_units(branch, point, bounds) if np.isfinite(point).all() else branch
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +276,7 @@ def _undefined(problem: _BoxProblem, covering: Covering) -> str:
     )
     for part in left[:SUSPECTS]:
         share = max((high - low) / (last - first or 1.0) for (low, high), (first, last) in zip(part.box, whole))
-        margin = share * (1.0 + np.abs(part.near))
+        margin = share * (equations.sizes + np.abs(part.near))
         x = [balls.hull(low, high) for low, high in part.box]
         y = [balls.hull(float(v - r), float(v + r)) for v, r in zip(part.near, margin)]
         found = undefined_within(equations.equations, equations.arguments, [*x, *y]) or (

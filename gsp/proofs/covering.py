@@ -125,12 +125,14 @@ def cover(
     most_boxes: int,
     at_most: int | None = None,
     spectral: bool = True,
+    least: float = 0.0,
     progress: Callable[[float], object] | None = None,
 ) -> Covering:
     """Cover `region` from its middle, where the branch is near `near` (m,); not `spectral`, by tubes alone.
 
     The widest part is looked at first, so that whenever the budget of `most_boxes` ends, or Ctrl-C comes, what is
-    left is spread thinly. With `at_most` the budget is doubled up to it while that decides a `WORTH` of what was left.
+    left is spread thinly. Sides of at most a share `least` of the region's are not cut. With `at_most` the budget is
+    doubled up to it while that decides a `WORTH` of what was left.
     """
     covering = Covering(Part(region, np.asarray(near, dtype=float)))
     order = itertools.count()
@@ -155,7 +157,7 @@ def cover(
                     progress(min(decided, 1.0))
                 continue
             centre = part.near if tube is None else tube.centre
-            axis, part.suspect = _axis(equations, part.box, region, centre)
+            axis, part.suspect = _axis(equations, part.box, region, centre, least)
             if axis is None:
                 continue
             halves = _halves(equations, part, axis, centre)
@@ -216,7 +218,7 @@ def _followed(equations: EnclosedEquations, whole: Box, half: Box, near: np.ndar
 # On the way to a pole values overflow.
 @np.errstate(all="ignore")
 def _axis(
-    equations: EnclosedEquations, box: Box, region: Box, near: np.ndarray
+    equations: EnclosedEquations, box: Box, region: Box, near: np.ndarray, least: float = 0.0
 ) -> tuple[int | None, np.ndarray | None]:
     """Where to cut: across which side the Jacobian varies most along the branch; None where cutting is over.
 
@@ -226,7 +228,8 @@ def _axis(
     middle = middle_of(box)
     width = np.array([high - low for low, high in box])
     whole = np.array([(high - low) or 1.0 for low, high in region])
-    sides = [i for i, (low, high) in enumerate(box) if width[i] > THIN * np.spacing(max(abs(low), abs(high)))]
+    thin = [max(THIN * np.spacing(np.abs(side).max()), least * all_) for side, all_ in zip(box, whole)]
+    sides = [i for i in range(len(box)) if width[i] > thin[i]]
     if not sides:
         return None, middle
     widest = max(sides, key=lambda i: width[i] / whole[i])

@@ -35,13 +35,21 @@ def without_decimals(expression: sp.Expr) -> sp.Expr:
 class EnclosedEquations:
     """m equations F(x, y) = 0 for y (m,) over x (n,), smooth where their enclosures are finite.
 
+    `sizes` (m,) of y, 1 for each unless told, are what lengths are small beside in the search: no proof rests on them.
     Raises `UnsupportedFunctionError` for a function without an enclosure.
     """
 
-    def __init__(self, x: Sequence[sp.Symbol], y: Sequence[sp.Symbol], equations: Sequence[sp.Expr]) -> None:
+    def __init__(
+        self,
+        x: Sequence[sp.Symbol],
+        y: Sequence[sp.Symbol],
+        equations: Sequence[sp.Expr],
+        sizes: Sequence[float] | None = None,
+    ) -> None:
         # A derivative of a decimal would be rounded by SymPy.
         self.x, self.y, self.equations = tuple(x), tuple(y), tuple(without_decimals(e) for e in equations)
         self.n, self.m = len(self.x), len(self.y)
+        self.sizes = np.ones(self.m) if sizes is None else np.array(sizes)
         self._by_y = list(jacobian(self.equations, self.y))
         self._by_x = list(jacobian(self.equations, self.x))
 
@@ -52,7 +60,8 @@ class EnclosedEquations:
 
     def along(self, line: Mapping[sp.Symbol, sp.Expr], parameter: sp.Symbol) -> EnclosedEquations:
         """The same equations where x is given by expressions in one parameter."""
-        return EnclosedEquations((parameter,), self.y, [e.xreplace(dict(line)) for e in self.equations])
+        equations = [e.xreplace(dict(line)) for e in self.equations]
+        return EnclosedEquations((parameter,), self.y, equations, self.sizes)
 
     @property
     def arguments(self) -> tuple[sp.Symbol, ...]:
@@ -124,7 +133,7 @@ class EnclosedEquations:
             if not all(map(isfinite, step.tolist())):
                 return None
             y -= step
-            length, scale = _largest(step), 1.0 + _largest(y)
+            length, scale = _largest(step / self.sizes), 1.0 + _largest(y / self.sizes)
             if length <= ROUNDING * scale:
                 return y
         # At rounding Newton's method may go to and fro for ever; a proof does not ask how near the centre is.
@@ -148,7 +157,8 @@ class EnclosedEquations:
             x, moved = start + ahead * way, (ahead - share) * here[0]
             found = self.root(x, y + moved)
             there = None
-            if found is not None and _largest(found - y - moved) <= 0.5 * _largest(moved) + 1e-9:
+            off = np.inf if found is None else _largest((found - y - moved) / self.sizes)
+            if found is not None and off <= 0.5 * _largest(moved / self.sizes) + 1e-9:
                 there = self._tangent(x, found, way)
             if found is not None and there is not None and there[1] == here[1]:
                 share, y, here, step = ahead, found, there, min(2.0 * step, LONGEST)
@@ -205,7 +215,7 @@ def limit_equations(branch: Branch, names: Sequence[str]) -> tuple[EnclosedEquat
         [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(values) for e in rates]
         for rates in (system.g, system.f)
     )
-    return EnclosedEquations(x, system.y, g), [without_decimals(e) for e in f]
+    return EnclosedEquations(x, system.y, g, branch.scales[1]), [without_decimals(e) for e in f]
 
 
 _NO_PARAMETERS = np.array([np.nan])

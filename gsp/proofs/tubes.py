@@ -27,7 +27,7 @@ Box = tuple[tuple[float, float], ...]
 
 # The first radius is so much larger than what the residual asks for, and grows so much from round to round.
 FIRST_ROOM, ROOM, ROUNDS = 1.2, 1.25, 4
-# The least radius, relative to 1 + |y|.
+# The least radius, relative to the size of y and |y|.
 AT_A_POINT, OVER_A_BOX = 5 * np.finfo(float).eps, 1e-12
 
 
@@ -128,12 +128,16 @@ def krawczyk(
     defect = [_total(approximate[i][k] * residual[k] for k in range(m)) for i in range(m)]
     # A tube over one point has to fit into tubes over boxes.
     least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
-    radius = [margin * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
-    # A radius beyond this, relative to 1 + the largest |y| on the tube's line, is on its way to infinity.
-    far = 1e6 * (1.0 + max(balls.magnitude(y) for y in line))
+    sizes = equations.sizes.tolist()
+    radius = [
+        margin * balls.magnitude(d) + least * (size + abs(float(v)))
+        for d, v, size in zip(defect, centre, sizes)
+    ]
+    # Radii beyond these, relative to the size of y and the largest on the tube's line, are on their way to infinity.
+    far = [1e6 * (size + balls.magnitude(y)) for y, size in zip(line, sizes)]
     for _ in range(ROUNDS):
         # A radius that is not a number fails here as well.
-        if not all(r < far for r in radius):
+        if not all(r < limit for r, limit in zip(radius, far)):
             return None
         ball = [balls.hull(-r, r) for r in radius]
         y = [p + r for p, r in zip(line, ball)]
@@ -148,7 +152,7 @@ def krawczyk(
         if all(inside(value, r) for value, r in zip(image, radius)):
             return RootTube(box, middle, centre, slope, np.array(radius), inverse, by_y)
         grown = [ROOM * balls.magnitude(value) for value in image]
-        if not all(r < far for r in grown):
+        if not all(r < limit for r, limit in zip(grown, far)):
             return None
         radius = [max(wide, r) for wide, r in zip(grown, radius)]
     return None

@@ -24,13 +24,12 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
-from gsp.critical.layer_problem import LayerProblem, natural_scales
+from gsp.critical.layer_problem import in_own_units
 from gsp.critical.sampling import Sampler
 from gsp.errors import NO_REASON, BranchError, DeclarationError, GspError, HyperbolicityError, Reason, Status
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.singular.flight import Flight, Flights
@@ -39,7 +38,6 @@ from gsp.singular.passage.fold_passage import ZERO, FoldPassage, omega0, passage
 from gsp.slow.series import expand
 from gsp.systems.arguments import check_noun, check_progress, check_whole, shown
 from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
-from gsp.systems.region import powers_of_two
 from gsp.systems.system import VectorField
 
 # Slow pieces are followed at this tolerance, each for at most so much slow time.
@@ -183,7 +181,9 @@ def singular_orbit(
     system = branch.system
     complete(start, system.states, what="start")
     _require_attracting(branch, start)
-    branch = _in_own_units(branch, start)
+    given = values_by_name(start, what="start")
+    x = np.array([[given[s.name] for s in branch.system.x]])
+    branch = in_own_units(branch, np.concatenate([x[0], branch.through(start).points(x)[0]]))
     if switched is not None and not isinstance(switched, VectorField):
         raise DeclarationError(
             "switched is the VectorField that was split.", got=shown(switched), value=switched
@@ -231,18 +231,6 @@ def _require_attracting(branch: Branch, start: Point) -> None:
 def _told(flight: Flight) -> str:
     place = ", ".join(f"{name} = {value:.8g}" for name, value in flight.point.items())
     return f"it flies for a slow time {flight.duration:.10g} and comes down at {place}"
-
-
-def _in_own_units(branch: Branch, start: Point) -> Branch:
-    """The branch in units of the states' sizes, by its point over `start` where no region has told them."""
-    if branch.units is not None:
-        return branch
-    given = values_by_name(start, what="start")
-    x = np.array([[given[s.name] for s in branch.system.x]])
-    u = np.concatenate([x[0], branch.through(start).points(x)[0]])
-    parameters = dict(zip(branch.system.parameters, map(float, compile_flow(branch.system).constants[1:])))
-    sizes = natural_scales(LayerProblem(branch.system, branch.system.x, parameters), u, {})
-    return replace(branch, units=tuple(powers_of_two(sizes).tolist()))
 
 
 def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[SlowPiece, Reason]:

@@ -19,18 +19,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
 
+from gsp.critical.layer_problem import least_norm_newton, natural_scales
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import GspError
 from gsp.integration.events import Event
 from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_over
+from gsp.lowering.compiled_function import CompiledFunction, compile_over
 from gsp.results.card import Card
 from gsp.sliding.law import LawEnd, SwitchLaw, switch_law
 from gsp.sliding.piecewise_field import PiecewiseField, check_piecewise
@@ -39,8 +40,8 @@ from gsp.systems.system import VectorField
 
 # T_n is reached from here; before T = -20 solutions differ by less than rounding but for n = 1, which begins exactly.
 EARLY = -20.0
-# Newton steps to the fold, how small the last is, and what counts as zero beside the size of its terms.
-STEPS, CLOSE, ZERO = 50, 1e-13, 1e-9
+# How small the last Newton step to the fold is, and how near two points of it are one, in the states' sizes.
+CLOSE, ZERO = 1e-13, 1e-9
 
 
 class SlidingExitError(GspError):
@@ -126,8 +127,10 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
     law = switch_law(phi)
     given = np.array(complete(fold, field.states, what="fold"))
     above, below = field.normal_rates
-    found = [_nearest(field, [field.surface, rate], given) for rate in (above, below)]
-    distances = [np.inf if place is None else float(np.abs(place - given).max()) for place in found]
+    tangencies = [_Tangency(field, (field.surface, rate)) for rate in (above, below)]
+    sizes = natural_scales(_Tangency(field, (field.surface, above, below)), given, {})
+    found = [least_norm_newton(tangency, given, sizes, CLOSE) for tangency in tangencies]
+    distances = [np.inf if place is None else float((np.abs(place - given) / sizes).max()) for place in found]
     side = 1 if distances[0] <= distances[1] else -1
     place = found[0 if side > 0 else 1]
     if place is None:
@@ -142,9 +145,9 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
         place, compile_flow(flow).constants
     )
     bending, push, velocity = float(side * values[0]), float(side * values[1]), values[2:]
-    two = _nearest(field, [field.surface, above, below], place)
+    two = least_norm_newton(_Tangency(field, (field.surface, above, below)), place, sizes, CLOSE)
     kind = LossKind.VISIBLE_FOLD if bending > 0.0 else LossKind.INVISIBLE_FOLD
-    if two is not None and np.abs(two - place).max() <= ZERO * (1.0 + np.abs(place).max()):
+    if two is not None and (np.abs(two - place) <= ZERO * sizes).all():
         kind = LossKind.TWO_FOLD
     elif push <= 0.0:
         raise SlidingExitError(
@@ -156,23 +159,36 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
     return SlidingExit(kind, point, side, bending, push, law.upper if side > 0 else law.lower, velocity)
 
 
-def _nearest(field: PiecewiseField, equations: list[sp.Expr], given: np.ndarray) -> np.ndarray | None:
-    """The point at which all equations vanish, by least-norm Newton steps; None where they do not lead there."""
-    flow = field.flow(field.plus)
-    slopes = [sp.diff(e, z) for e in equations for z in field.states]
-    compiled, constants = compile_over(flow, [*equations, *slopes]), compile_flow(flow).constants
-    z, n = given.copy(), len(equations)
-    for _ in range(STEPS):
-        values = compiled(z, constants)
-        if not np.isfinite(values).all():
-            return None
-        step = np.linalg.lstsq(values[n:].reshape(n, -1), values[:n], rcond=None)[0]
-        z = z - step
-        if np.abs(step).max() <= CLOSE * (1.0 + np.abs(z).max()):
-            left = compiled(z, constants)
-            sizes = np.abs(left[n:].reshape(n, -1)) @ (1.0 + np.abs(z))
-            return z if (np.abs(left[:n]) <= ZERO * sizes).all() else None
-    return None
+@dataclass(frozen=True, eq=False)
+class _Tangency:
+    """`equations` in the states of a field that switches, compiled with their derivatives."""
+
+    field: PiecewiseField
+    equations: tuple[sp.Expr, ...]
+
+    @property
+    def unknowns(self) -> tuple[sp.Symbol, ...]:
+        return self.field.states
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        return self._values(z)[: len(self.equations)]
+
+    def jacobian(self, z: np.ndarray) -> np.ndarray:
+        n, N = len(self.equations), len(self.unknowns)
+        return self._values(z)[n : n + n * N].reshape(n, N)
+
+    def second(self, z: np.ndarray) -> np.ndarray:
+        n, N = len(self.equations), len(self.unknowns)
+        return self._values(z)[n + n * N :].reshape(n, N, N)
+
+    def _values(self, z: np.ndarray) -> np.ndarray:
+        return self._compiled(z, compile_flow(self.field.flow(self.field.plus)).constants)
+
+    @cached_property
+    def _compiled(self) -> CompiledFunction:
+        slopes = [sp.diff(e, s) for e in self.equations for s in self.unknowns]
+        bends = [sp.diff(e, s) for e in slopes for s in self.unknowns]
+        return compile_over(self.field.flow(self.field.plus), [*self.equations, *slopes, *bends])
 
 
 @lru_cache(maxsize=64)

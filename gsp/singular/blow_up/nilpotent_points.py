@@ -12,8 +12,10 @@ from gsp.algebra.algebraic_numbers import AlgebraicPoint, InfinitelyManyPoints, 
 from gsp.algebra.differentiation import derivative, jacobian
 from gsp.algebra.laurent import laurent
 from gsp.algebra.local_series import DENOMINATOR
+from gsp.critical.layer_problem import NOTHING, LayerProblem, natural_scales
 from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function
 from gsp.singular.blow_up.local_form import BlowUpError
 from gsp.singular.passage.fold_passage import NEAR
@@ -39,32 +41,44 @@ def nilpotent_point(system: SlowFastSystem, near: Mapping[str, float], kind: obj
     g_y = jacobian(g, system.y)
     given = {s: exact(near[s.name]) for s in system.states}
     guess = {s: sp.Rational(value).limit_denominator(DENOMINATOR) for s, value in given.items()}
-    close = all(abs(guess[s] - value) * DENOMINATOR**2 <= 1 + abs(value) for s, value in given.items())
+    sizes = _sizes(system, np.array([float(given[s]) for s in system.states]))
+    close = all(abs(guess[s] - value) * DENOMINATOR**2 <= sizes[s] for s, value in given.items())
     if close and _solves([*g], guess) and _solves([g_y.xreplace(guess).det()], {}):
         return rational_point(guess)
     equations = [*g, g_y.det(method="berkowitz"), *_more(system, f, g, g_y, kind)]
-    held = _held(system, g, given, len(equations))
+    held = _held(system, g, given, sizes, len(equations))
     free = [s for s in system.states if s not in held]
-    start = np.array([float(given[s]) for s in free])
+    start, units = (np.array([float(of[s]) for s in free]) for of in (given, sizes))
     try:
-        found = locate([e.xreplace(held) for e in equations], free, starts=[start])
+        found = locate([e.xreplace(held) for e in equations], free, starts=[start], units=units)
     except InfinitelyManyPoints:
         # Complex solutions may be a curve where there is no real one.
-        if not _reached([e.xreplace(held) for e in equations], free, start):
+        if not _reached([e.xreplace(held) for e in equations], free, start, units):
             _refuse(g, g_y, given, near)
         raise BlowUpError(
             f"nilpotent points are not isolated near {_shown(near)}.",
             "Give a point with rational coordinates on them, exactly.",
         ) from None
-    reach = NEAR * (1.0 + np.abs(start))
-    best = min(found, key=lambda p: _distance(p.numbers(), free, start), default=None)
-    if best is None or any(abs(best.numbers()[s] - u) > d for s, u, d in zip(free, start, reach)):
+    distances = [np.abs(np.array([p.numbers()[s] for s in free]) - start) / units for p in found]
+    best, apart = min(zip(found, distances), key=lambda pair: float(pair[1].max()), default=(None, np.inf))
+    if best is None or np.max(apart) > NEAR:
         _refuse(g, g_y, given, near)
     if best.exact is not None:
         values = dict(best.exact.values)
         values |= {s: rational_point({s: value}).values[s] for s, value in held.items()}
         return AlgebraicPoint(best.exact.field, values)
     return {s: held.get(s, sp.Rational(best.near.get(s, zero))) for s in system.states}
+
+
+def _sizes(system: SlowFastSystem, point: np.ndarray) -> dict[sp.Symbol, float]:
+    """How large states are at the point (n,), where it may be an error that one of them is not 0: |z| or what matters
+    as much in g, whichever is larger. A point that is rounding of 0 tells no size."""
+    if (np.abs(point) <= NOTHING).all():
+        return dict.fromkeys(system.states, 1.0)
+    constants = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
+    problem, own = LayerProblem(system, system.x, constants), np.eye(len(point), dtype=bool)
+    without = [natural_scales(problem, np.where(row, 0.0, point), {})[row][0] for row in own]
+    return dict(zip(system.states, np.maximum(np.abs(point), without).tolist()))
 
 
 def _solves(equations: Sequence[sp.Expr], values: Mapping[sp.Symbol, sp.Rational]) -> bool:
@@ -93,19 +107,31 @@ def _more(
 
 
 def _held(
-    system: SlowFastSystem, g: Sequence[sp.Expr], given: Mapping[sp.Symbol, sp.Rational], count: int
+    system: SlowFastSystem,
+    g: Sequence[sp.Expr],
+    given: Mapping[sp.Symbol, sp.Rational],
+    sizes: Mapping[sp.Symbol, float],
+    count: int,
 ) -> dict[sp.Symbol, sp.Rational]:
-    """The slow variables that `count` equations leave free, with their values: those along which g changes least."""
+    """The slow variables that `count` equations leave free, with their values: those along which g changes least.
+
+    Changes are those that the states' `sizes` make.
+    """
     excess = len(system.states) - count
     if excess <= 0:
         return {}
     slopes = jacobian(g, system.x).xreplace(dict(given))
-    sizes = [float(sp.N(sum(abs(e) for e in slopes.col(i)))) for i in range(len(system.x))]
-    order = sorted(range(len(system.x)), key=lambda i: (sizes[i], -i))
+    changes = [
+        float(sp.N(sum(abs(e) * sizes[s] / sizes[y] for e, y in zip(slopes.col(i), system.y))))
+        for i, s in enumerate(system.x)
+    ]
+    order = sorted(range(len(system.x)), key=lambda i: (changes[i], -i))
     return {system.x[i]: given[system.x[i]] for i in order[:excess]}
 
 
-def _reached(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], start: np.ndarray) -> bool:
+def _reached(
+    equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], start: np.ndarray, units: np.ndarray
+) -> bool:
     """Whether Newton's method finds a real solution near by."""
     compiled = compile_function([*equations, *jacobian(equations, unknowns)], arguments=unknowns)
     count = len(equations)
@@ -114,12 +140,9 @@ def _reached(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], start:
         values = compiled(u[None, :], [0.0])[0]
         return values[:count], values[count:].reshape(count, len(unknowns))
 
-    found = gauss_newton(evaluate, start)
-    return found is not None and bool((np.abs(found - start) <= NEAR * (1.0 + np.abs(start))).all())
-
-
-def _distance(numbers: Mapping[sp.Symbol, float], free: Sequence[sp.Symbol], start: np.ndarray) -> float:
-    return sum((numbers[s] - u) ** 2 for s, u in zip(free, start))
+    value, slope = evaluate(start)
+    found = gauss_newton(evaluate, start, scales=units, sizes=np.abs(value) + np.abs(slope * units).max(axis=1))
+    return found is not None and bool((np.abs(found - start) <= NEAR * units).all())
 
 
 def _shown(near: Mapping[str, float]) -> str:

@@ -112,6 +112,7 @@ class ComplexOrbit:
     def __init__(self, orbit: SlowOrbit, origin: float, *, through_folds: bool) -> None:
         self.through_folds = through_folds
         self.z = np.concatenate([[origin], orbit.at(origin)]).astype(complex)
+        self.units = np.concatenate([[orbit.time], orbit.units])
         system, equations = orbit.branch.system, orbit.equations
         self.m, self.n = len(system.x), len(system.y)
         values = dict(system.parameters)
@@ -137,7 +138,8 @@ class ComplexOrbit:
     def slope(self, z: np.ndarray, quantity: Callable[[np.ndarray], complex]) -> complex:
         """d quantity/dtau at z; the difference has an error that Newton's method and a first guess survive."""
         rate = self.rate(z)
-        delta = 1e-5 * (1.0 + float(np.abs(z).max())) / (1e-300 + float(np.abs(rate).max()))
+        length, speed = (float(np.abs(v / self.units).max()) for v in (z, rate))
+        delta = 1e-5 * (1.0 + length) / (1e-300 + speed)
         return (quantity(z + delta * rate) - quantity(z - delta * rate)) / (2.0 * delta)
 
     def carry(self, z: np.ndarray, step: complex) -> np.ndarray:
@@ -156,7 +158,7 @@ class ComplexOrbit:
                 raise np.linalg.LinAlgError("the orbit is nearly singular on the way")
             return step * self.rate(w)
 
-        run = solve_ivp(scaled, (0.0, 1.0), z, method="DOP853", rtol=1e-13, atol=1e-15)
+        run = solve_ivp(scaled, (0.0, 1.0), z, method="DOP853", rtol=1e-13, atol=1e-15 * self.units)
         if not run.success or not np.isfinite(run.y).all():
             raise np.linalg.LinAlgError("the orbit is singular on the way")
         return run.y[:, -1]
@@ -216,7 +218,7 @@ def turning_points(orbit: SlowOrbit, loss: float, eigenvalue: complex) -> list[T
     for through_folds in (False,) if straight else (False, True):
         continued = ComplexOrbit(orbit, loss, through_folds=through_folds)
         for point in _turning_points(continued, 1j * eigenvalue.imag):
-            if all(abs(point.t - other.t) > SAME * (1.0 + abs(point.t)) for other in found):
+            if all(abs(point.t - other.t) > SAME * (orbit.time + abs(point.t)) for other in found):
                 found.append(point)
     return sorted(found, key=lambda point: point.level)
 
@@ -230,13 +232,13 @@ def _turning_points(continued: ComplexOrbit, start: complex) -> list[TurningPoin
     slope = continued.slope(continued.z, nearest)
     if slope == 0:
         return []
-    seen: list[complex] = []
+    time, seen = float(continued.units[0]), list[complex]()
     found: list[TurningPoint] = []
     for radius, angle in itertools.product(RADII, ANGLES):
         try:
             zero = continued.zero(-radius * np.exp(1j * angle) * start / slope)
             if zero is None or any(
-                min(abs(zero[1] - t), abs(zero[1] - t.conjugate())) <= SAME * (1.0 + abs(t)) for t in seen
+                min(abs(zero[1] - t), abs(zero[1] - t.conjugate())) <= SAME * (time + abs(t)) for t in seen
             ):
                 continue
             seen.append(zero[1])

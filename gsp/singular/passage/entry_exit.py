@@ -32,7 +32,8 @@ from gsp.systems.region import Interval, check_region
 
 # The branch counts as invariant when its residual is below this, relative to its terms, at these epsilons.
 INVARIANT, TRIED = 1e-10, (0.37, 0.11)
-# Takeovers nearer than this in slow time are one: where two eigenvalues meet they are known to the root of rounding.
+# Takeovers nearer than this share of the slow time are one: where two eigenvalues meet they are known to the root of
+# rounding.
 SAME = 1e-4
 
 
@@ -69,7 +70,7 @@ def entry_exit(
     if not np.isfinite(array).all():
         raise DeclarationError("start is finite.", got=shown(start), value=start)
     box = None if region is None else check_region(region, [s.name for s in system.states])
-    orbit = SlowOrbit(branch, array[0])
+    orbit = SlowOrbit(branch, array[0], box)
     values = orbit.eigenvalues(orbit.state[None, :])[0]
     if values[0].real >= 0.0:
         raise PassageError(
@@ -133,7 +134,7 @@ class _Passage:
 
     def _piece(self, piece: ResolvedPanel) -> float | None:
         """Take in one piece; the time of the exit when it is on it."""
-        if piece.has_kink and all(abs(piece.t[0] - other) > SAME * (1.0 + other) for other in self.takeovers):
+        if piece.has_kink and all(abs(piece.t[0] - other) > SAME * self.orbit.end for other in self.takeovers):
             self.takeovers.append(float(0.5 * (piece.t[0] + piece.t[-1])))
         before = self.phi
         self.pieces.append(piece)
@@ -170,7 +171,7 @@ class _Passage:
     def _finish(self, t: float, kind: ExitKind, status: Status) -> DelayedExit:
         orbit = self.orbit
         names = [s.name for s in orbit.branch.system.states]
-        small = 1e-14 * (1.0 + float(np.abs(self.start).max()))
+        small = 1e-14 * (orbit.units + np.abs(self.start))
         phi = [before + piece.primitive for piece, before in zip(self.pieces, self.ends)]
         return DelayedExit(
             branch=orbit.branch,
@@ -178,7 +179,7 @@ class _Passage:
             kind=kind,
             t=t,
             point=MappingProxyType(
-                dict(zip(names, (0.0 if abs(v) < small else float(v) for v in orbit.at(t))))
+                dict(zip(names, (0.0 if abs(v) < s else float(v) for v, s in zip(orbit.at(t), small))))
             ),
             losses=tuple(self.losses),
             invariant=self.invariant,
@@ -211,7 +212,8 @@ def is_invariant(orbit: SlowOrbit, z: np.ndarray) -> bool:
         residual = np.einsum("kij,kj->ki", E_y, g) / epsilon + drift
         scale = np.abs(np.einsum("kij,kj->ki", np.abs(E_x), np.abs(f)))
         scale = scale + np.einsum("kij,kj->ki", np.abs(E_y), np.abs(g)) / epsilon
-        noise = 1e-13 * np.abs(E_y).sum(axis=2) * (np.abs(g_y).sum(axis=2) * (1.0 + np.abs(z[:, m:])))
+        lengths = orbit.units[m:] + np.abs(z[:, m:])
+        noise = 1e-13 * np.einsum("kij,kjl,kl->ki", np.abs(E_y), np.abs(g_y), lengths)
         if (np.abs(residual) > INVARIANT * scale + noise / epsilon).any():
             return False
     return True

@@ -110,12 +110,12 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
     """The loss at time `t`, where the rightmost real part rises through 0 at the rate `crossing`."""
     z = orbit.at(t)
     system = orbit.branch.system
-    rounding = 1e-14 * (1.0 + float(np.abs(np.vstack([panel.z for panel in orbit.panels])).max()))
-    point = {s.name: 0.0 if abs(v) < rounding else float(v) for s, v in zip(system.states, z)}
+    rounding = 1e-14 * (orbit.units + np.abs(np.vstack([panel.z for panel in orbit.panels])).max(axis=0))
+    point = {s.name: 0.0 if abs(v) < r else float(v) for s, v, r in zip(system.states, z, rounding)}
     values = orbit.eigenvalues(z[None, :])[0]
     size = float(np.abs(values).max())
     leading = complex(values[0])
-    if abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9:
+    if abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9 * orbit.rate:
         found: list[TurningPoint] = []
         if not invariant:
             with np.errstate(all="ignore"):
@@ -157,20 +157,22 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     system = orbit.branch.system
     m, n = len(system.x), len(system.y)
     problem = LayerProblem(system, system.x, dict(zip(system.parameters, compile_flow(system).constants[1:])))
-    left, _, right = np.linalg.svd(orbit.fast_jacobian(z))
+    # All of it with the fast variables in their units; r and l are of the plain length 1 at the end.
+    unit = orbit.units[m:]
+    g_y = orbit.fast_jacobian(z) * unit / unit[:, None]
+    left, _, right = np.linalg.svd(g_y)
     r, l = right[-1], left[:, -1]  # noqa: E741
-    r = r * np.sign(r[np.argmax(np.abs(r))])
+    r = r * np.sign(r[np.argmax(np.abs(unit * r))])
     product = float(l @ r)
     l = l / product if abs(product) > 1e-12 else l  # noqa: E741
-    second = problem.second(z)[:, m:, m:]
+    second = problem.second(z)[:, m:, m:] * unit[:, None] * unit / unit[:, None, None]
     bending = np.einsum("ijk,j,k->i", second, r, r)
     size = float(np.linalg.norm(l))
     path = np.vstack([panel.z for panel in orbit.panels])
-    third = problem.third(z)
+    third = problem.third(z).in_units(unit)
     # At the loss, or all along the branch, second derivatives may be rounding; third ones say of which size.
-    bent = np.abs(third.values).max(initial=0.0) * np.abs(path[:, m:]).max()
+    bent = np.abs(third.values).max(initial=0.0) * np.abs(path[:, m:] / unit).max()
     q = _settled(0.5 * float(l @ bending), size * float(max(bent, np.abs(second).max())))
-    g_y = orbit.fast_jacobian(z)
     bordered = np.block([[g_y, r[:, None]], [l[None, :], np.zeros((1, 1))]])
     h = np.linalg.lstsq(bordered, np.append(2.0 * q * r - bending, 0.0), rcond=None)[0][:n]
     cubic = third(r, r, r) / 6.0 + 0.5 * np.einsum("ijk,j,k->i", second, r, h)
@@ -181,9 +183,12 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     first = orbit.equations.compiled(rates)
     moved = orbit.velocity(z)[m:]
     # What rho is made of along the orbit so far: at the loss alone all of it may be small.
-    typical = np.abs(first(path)).max() + max(np.abs(orbit.velocity(point)[m:]).max() for point in path[::8])
-    rho = _settled(float(l @ (first(z[None, :])[0] - moved)), size * float(typical))
-    result = {"q": q, "p": p, "rho": rho}
+    typical = np.abs(first(path) / unit).max() + max(
+        np.abs(orbit.velocity(point)[m:] / unit).max() for point in path[::8]
+    )
+    rho = _settled(float(l @ ((first(z[None, :])[0] - moved) / unit)), size * float(typical))
+    length = float(np.linalg.norm(unit * r))
+    result = {"q": q / length, "p": p / length**2, "rho": rho * length}
     if q != 0.0:
         result["lambda"] = 1.0 + 2.0 * q * rho / crossing
     return result
@@ -197,8 +202,9 @@ def _higher_order(orbit: SlowOrbit, t: float, z: np.ndarray, crossing: float) ->
     """
     system = orbit.branch.system
     m = len(system.x)
-    left, _, right = np.linalg.svd(orbit.fast_jacobian(z))
-    l = left[:, -1] * np.sign(float(left[:, -1] @ right[-1]) or 1.0)  # noqa: E741
+    unit = orbit.units[m:]
+    left, _, right = np.linalg.svd(orbit.fast_jacobian(z) * unit / unit[:, None])
+    l = left[:, -1] / unit * np.sign(float(left[:, -1] @ right[-1]) or 1.0)  # noqa: E741
     try:
         series = expand(orbit.branch, order=ORDERS, symbolic=False)
         sizes = []
@@ -212,7 +218,8 @@ def _higher_order(orbit: SlowOrbit, t: float, z: np.ndarray, crossing: float) ->
     for k in range(2, ORDERS + 1):
         if abs(close[k]) > 0.3 * abs(far[k]) and abs(close[k]) > 1e-10:
             # At t - s the denominator kappa t is negative.
-            return {"order": float(k), "rho_k": float(crossing * close[k])}
+            length = float(np.linalg.norm(unit * right[-1]))
+            return {"order": float(k), "rho_k": float(crossing * close[k] * length)}
     return {}
 
 

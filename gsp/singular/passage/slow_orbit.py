@@ -6,7 +6,7 @@ or a pair is born; panels are cut there until what is left does not matter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +16,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
+from gsp.critical.layer_problem import in_own_units
 from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, tail
 from gsp.integration.methods import Method
@@ -24,11 +25,13 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
+from gsp.systems.region import Interval
 from gsp.systems.system import VectorField
 
-# A panel is resolved when its last Chebyshev coefficients are this small, relative to 1 + the largest value on it.
+# A panel is resolved when its last Chebyshev coefficients are this small, relative to a state's unit and its largest
+# value on it, or to the largest eigenvalue so far.
 RESOLVED = 2e-14
-# The first panel in units of (1 + |x|)/|f|, and the factor by which panels grow.
+# The first panel in units of (1 + |x|)/|f|, x in units, and the factor by which panels grow.
 FIRST, GROWTH = 0.05, 1.5
 
 
@@ -104,24 +107,31 @@ class ResolvedPanel:
 
 
 class SlowOrbit:
-    """The reduced orbit through x (n_slow,) on `branch`, forward in slow time from 0, panel after panel."""
+    """The reduced orbit through x (n_slow,) on `branch`, forward in slow time from 0, panel after panel.
 
-    def __init__(self, branch: Branch, x: np.ndarray) -> None:
-        self.branch = branch
-        self.equations = BranchExpressions(branch)
+    Lengths are in the states' `units` (n,): the branch's own, or those of the start and of `box`.
+    """
+
+    def __init__(self, branch: Branch, x: np.ndarray, box: Mapping[str, Interval] | None = None) -> None:
         system = branch.system
+        y = branch.points(x[None, :])[0]
+        self.end, self.state = 0.0, np.concatenate([x, y])
+        self.branch = branch = in_own_units(branch, self.state, box)
+        self.units = np.concatenate(branch.scales)
+        self.equations = BranchExpressions(branch)
         self._g_y = self.equations.compiled(self.equations.g_y)
         self._f = self.equations.compiled(self.equations.f)
         self.panels: list[Panel] = []
-        y = branch.points(x[None, :])[0]
-        self.end, self.state = 0.0, np.concatenate([x, y])
-        speed = float(np.linalg.norm(self._f(self.state[None, :])[0]))
+        unit = branch.scales[0]
+        speed = float(np.linalg.norm(self._f(self.state[None, :])[0] / unit))
         if speed == 0.0:
             raise PassageError(
                 f"the reduced flow stands still at the start, {self.shown(self.state)}.",
                 "Start where it moves.",
             )
-        self._length = self._first = FIRST * (1.0 + float(np.linalg.norm(x))) / speed
+        # A slow time in which the orbit gets somewhere, and the largest eigenvalue so far.
+        self.time = (1.0 + float(np.linalg.norm(x / unit))) / speed
+        self._length, self.rate = FIRST * self.time, 0.0
         graph = branch.graph
         fixed = dict(system.parameters)
         if graph is not None:
@@ -129,7 +139,7 @@ class SlowOrbit:
         else:
             moved = self.equations.E_y.LUsolve(self.equations.E_x * sp.Matrix(self.equations.f))
             rates = {**dict(zip(system.x, self.equations.f)), **{y: -m for y, m in zip(system.y, moved)}}
-        self.flow = VectorField(rates, epsilon=None, parameters=fixed)
+        self._flow = _in_units(VectorField(rates, epsilon=None, parameters=fixed), self.units)
 
     def shown(self, z: np.ndarray) -> str:
         """A point by name."""
@@ -139,11 +149,11 @@ class SlowOrbit:
         """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""
         nodes = chebyshev()[0]
         # Panels this much shorter than the first one run into the end of the branch.
-        while self._length >= 1e-5 * self._first:
+        while self._length >= 1e-5 * FIRST * self.time:
             times = self.end + 0.5 * self._length * (nodes + 1.0)
             z = self._sampled(times)
             if z is not None:
-                scale = 1.0 + np.abs(z).max(axis=0)
+                scale = self.units + np.abs(z).max(axis=0)
                 if (tail(z.T) <= RESOLVED * scale).all():
                     panel = Panel(times, z)
                     self.panels.append(panel)
@@ -159,10 +169,11 @@ class SlowOrbit:
 
     def _sampled(self, times: np.ndarray) -> np.ndarray | None:
         system, m = self.branch.system, len(self.branch.system.x)
-        state = self.state if len(self.flow.states) > m else self.state[:m]
+        units = self.units[: len(self._flow.states)]
+        state = self.state[: len(units)] / units
         run = trajectory_of(
-            self.flow,
-            start=dict(zip((s.name for s in self.flow.states), map(float, state))),
+            self._flow,
+            start=dict(zip((s.name for s in self._flow.states), map(float, state))),
             span=(float(times[0]), float(times[-1])),
             rtol=1e-14,
             atol=1e-16 * (1.0 + float(np.abs(state).max())),
@@ -171,13 +182,14 @@ class SlowOrbit:
         )
         if run.status is not Status.SUCCESS:
             return None
-        x = run.y[:m].T
+        along = units * run.y.T
+        x = along[:, :m]
         try:
             if self.branch.graph is not None:
                 y = self.branch.graph_values(x)
             else:
-                y = self.branch.points(x, near=run.y[m:].T)
-                if np.abs(y - run.y[m:].T).max() > 1e-9 * (1.0 + np.abs(y).max()):
+                y = self.branch.points(x, near=along[:, m:])
+                if (np.abs(y - along[:, m:]) > 1e-9 * (units[m:] + np.abs(y).max(axis=0))).any():
                     return None
         except BranchError:
             return None
@@ -223,13 +235,23 @@ class SlowOrbit:
         nodes, _, S = chebyshev()
         half = 0.5 * (last - first)
         t = first + half * (nodes + 1.0)
-        leading = self.eigenvalues(panel.at(t))[:, 0]
+        spectra = self.eigenvalues(panel.at(t))
+        leading = spectra[:, 0]
         values = np.real(leading)
-        resolved = tail(values[None, :])[0] <= RESOLVED * (1.0 + np.abs(values).max())
+        self.rate = max(self.rate, float(np.abs(spectra).max()))
+        resolved = tail(values[None, :])[0] <= RESOLVED * self.rate
         if resolved or depth == 0:
             return [ResolvedPanel(t, values, leading, half * (S @ values), not resolved)]
         middle = first + half
         return self._resolve(panel, first, middle, depth - 1) + self._resolve(panel, middle, last, depth - 1)
+
+
+def _in_units(flow: VectorField, units: np.ndarray) -> VectorField:
+    """The field with its states in `units`, powers of two."""
+    exact = {s: sp.Rational(*float(unit).as_integer_ratio()) for s, unit in zip(flow.states, units)}
+    inner = {s: unit * s for s, unit in exact.items()}
+    rates = {s: rate.xreplace(inner) / exact[s] for s, rate in flow.equations.items()}
+    return VectorField(rates, epsilon=None, parameters=dict(flow.parameters))
 
 
 def interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
