@@ -141,6 +141,50 @@ def jacobian(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> sp.Mat
     return sp.Matrix(len(rows), len(columns), entries(rows, columns))
 
 
+def gathered_derivative(expression: Any, symbol: sp.Symbol) -> Any:
+    """`derivative`, in which that of f^k B^p, B = sum_j c_j f^j with p < 0, is one product:
+
+        f' f^(k-1) B^(p-1) sum_j (k + p j) c_j f^j.                                                             (1)
+
+    So f/sqrt(1 + f^2) has the slope f' (1 + f^2)^(-3/2), where the product rule leaves a difference of two terms that
+    is small beside them for large f, and that enclosures do not see through.
+    """
+    if expression.is_Add:
+        return sp.Add(*(gathered_derivative(term, symbol) for term in expression.args))
+    found = _quotient(expression, symbol) if expression.is_Mul else None
+    if found is None:
+        return derivative(expression, symbol)
+    (f, k), (base, p), terms = found
+    own = f**k * base**p
+    rest = expression / own
+    inner = sp.Add(*((k + p * j) * c * f**j for c, j in terms))
+    gathered = rest * derivative(f, symbol) * f ** (k - 1) * base ** (p - 1) * inner
+    return gathered + derivative(rest, symbol) * own
+
+
+def _quotient(product: Any, symbol: sp.Symbol) -> tuple[tuple, tuple, list[tuple[Any, Any]]] | None:
+    """(f, k), (B, p) and the (c_j, j) of (1) in a product, None where there are none."""
+    powers = [part.args if part.is_Pow else (part, sp.S.One) for part in product.args]
+    moving = [(base, n) for base, n in powers if n.is_Rational and base.has(symbol)]
+    for base, p in moving:
+        if not (base.is_Add and p < 0):
+            continue
+        for f, k in moving:
+            terms = [_term(term, f, symbol) for term in base.args] if k >= 1 else [None]
+            if None not in terms:
+                return (f, k), (base, p), [term for term in terms if term is not None]
+    return None
+
+
+def _term(term: Any, f: Any, symbol: sp.Symbol) -> tuple[Any, Any] | None:
+    """c and j where `term` is c f^j, c free of the symbol, and j > 0 unless all is; None for another."""
+    c, rest = term.as_independent(symbol, as_Add=False)
+    base, j = rest.args if rest.is_Pow else (rest, sp.S.One)
+    if rest == 1:
+        return c, sp.S.Zero
+    return (c, j) if base == f and j.is_Rational and j > 0 else None
+
+
 def without_overflow(expression: Any) -> Any:
     """`expression` with the quotients that derivatives of 1/cosh and of 1/(c + k exp) bring in made of bounded parts.
 

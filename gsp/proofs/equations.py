@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 from flint import arb
 
-from gsp.algebra.differentiation import jacobian
+from gsp.algebra.differentiation import gathered_derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.kernels.evaluate import evaluate_many
@@ -50,8 +50,9 @@ class EnclosedEquations:
         self.x, self.y, self.equations = tuple(x), tuple(y), tuple(without_decimals(e) for e in equations)
         self.n, self.m = len(self.x), len(self.y)
         self.sizes = np.ones(self.m) if sizes is None else np.array(sizes)
-        self._by_y = list(jacobian(self.equations, self.y))
-        self._by_x = list(jacobian(self.equations, self.x))
+        self._by_y, self._by_x = (
+            [gathered_derivative(e, s) for e in self.equations for s in symbols] for symbols in (self.y, self.x)
+        )
 
     @property
     def derivatives_by_y(self) -> tuple[sp.Expr, ...]:

@@ -99,6 +99,13 @@ def power(a: Interval, exponent: int) -> Interval:
     return _repeated(least, exponent)[0], _repeated(magnitude(a), exponent)[1]
 
 
+def raised(a: Interval, exponent: Fraction) -> Interval:
+    """a**exponent, that of a positive root where the exponent is not whole."""
+    if exponent.denominator == 1:
+        return power(a, int(exponent))
+    return power(root(a, exponent.denominator), exponent.numerator)
+
+
 def _repeated(end: int, exponent: int) -> Interval:
     result, base = UNIT, (end, end)
     while exponent:

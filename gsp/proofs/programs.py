@@ -13,6 +13,7 @@ from typing import Any
 
 from gsp.proofs import intervals as ia
 from gsp.proofs.intervals import Interval
+from gsp.proofs.quotients import quotients
 
 # Bounds on an expression: characters, depth, digits of a number, and numerator and denominator of an exponent.
 MOST_TEXT, MOST_DEPTH, MOST_DIGITS, MOST_POWER, MOST_ROOT = 200_000, 100, 400, 1000, 64
@@ -56,6 +57,8 @@ class IntervalProgram:
         self.constants |= {
             i: _CONSTANTS[name]() for i, (name, _, _) in enumerate(self.code) if name in _CONSTANTS
         }
+        self.quotients = quotients(self)
+        self.gathering = sum(quotient.cost for quotient in self.quotients.values())
 
     def add(self, name: str, one: Any, two: Any = None) -> int:
         key = (name, one, two)
@@ -90,20 +93,24 @@ class IntervalProgram:
         if name == "/":
             return ia.divide(found[one], found[two])
         if name == "**":
-            return _power(found[one], two)
+            return ia.raised(found[one], two)
         if name in _CONSTANTS:
             return self.constants[i]
         return _FUNCTIONS[name](found[one])
 
     def derivatives(self, arguments: list[Interval], first: int = 0) -> list[list[Interval]]:
         """Derivatives by the variables from the `first` on (m, variables - first), forward from variable to output."""
-        self.work += 2 * self.cost + len(self.code) * (self.variables - first)
+        self.work += 2 * self.cost + (len(self.code) + self.gathering) * (self.variables - first)
         found = list(arguments)
         slopes: list[dict[int, Interval]] = [{k: ia.UNIT} if k >= first else {} for k in range(self.variables)]
         for i, (name, one, two) in enumerate(self.code):
             value = self._value(i, name, one, two, found)
             found.append(value)
-            slopes.append(self._slope(name, one, two, value, found, slopes))
+            slope = self._slope(name, one, two, value, found, slopes)
+            if i in self.quotients:
+                tight = self.quotients[i].slope(found, slopes)
+                slope = {k: _common(slope[k], tight[k]) for k in slope}
+            slopes.append(slope)
         return [[slopes[place].get(k, ia.ZERO) for k in range(first, self.variables)] for place in self.outputs]
 
     def _slope(
@@ -144,7 +151,7 @@ class IntervalProgram:
     def _rate(name: str, a: Interval, exponent: Any, value: Interval) -> Interval:
         """The derivative of a function of one argument."""
         if name == "**":
-            return ia.multiply(ia.of(exponent), _power(a, exponent - 1))
+            return ia.multiply(ia.of(exponent), ia.raised(a, exponent - 1))
         if name == "exp":
             return value
         if name == "log":
@@ -165,15 +172,14 @@ class IntervalProgram:
         return ia.divide((ia.ONE // 2, ia.ONE // 2), value)
 
 
+def _common(a: Interval, b: Interval) -> Interval:
+    """What two enclosures of one number share."""
+    return max(a[0], b[0]), min(a[1], b[1])
+
+
 def _scaled(slope: Interval, by: Interval) -> Interval:
     """The product; the slope of a variable by itself is 1."""
     return by if slope is ia.UNIT else ia.multiply(slope, by)
-
-
-def _power(a: Interval, exponent: Fraction) -> Interval:
-    if exponent.denominator == 1:
-        return ia.power(a, int(exponent))
-    return ia.power(ia.root(a, exponent.denominator), exponent.numerator)
 
 
 class _ProgramReader:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative
+from gsp.algebra.differentiation import derivative, gathered_derivative
 
 u, v, n, K = sp.symbols("u v n K")
 POWERS = [
@@ -72,3 +72,27 @@ def test_a_sum_that_stands_in_many_rates_is_gone_through_once(monkeypatch: pytes
     for w in names:
         assert derivative(w * total * (K + v), u).has(sp.cos)
     assert len(asked) <= len(names)
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        u / sp.sqrt(1 + u**2) + n,
+        -3 * v * (K - u) / sp.sqrt(1 + (K - u) ** 2),
+        (v * u) ** 2 * u**4 / (K**4 + u**4),
+        u * sp.tanh(u) / (1 + u + u**2 / K) ** 2,
+        u**2 * (1 - u) / ((1 + u**2) * (K + u)),
+        v / (1 + u),
+    ],
+    ids=str,
+)
+def test_a_gathered_slope_is_the_slope(expression) -> None:
+    point = {u: sp.Rational(7, 5), v: 2, n: 3, K: sp.Rational(9, 4)}
+    for symbol in (u, v, K):
+        found = gathered_derivative(expression, symbol).xreplace(point)
+        assert abs(sp.N(found - derivative(expression, symbol).xreplace(point), 30)) < 1e-25
+
+
+def test_what_cancels_in_a_gathered_slope_is_not_there() -> None:
+    assert gathered_derivative(v * u / sp.sqrt(1 + u**2), u) == v * (1 + u**2) ** sp.Rational(-3, 2)
+    assert gathered_derivative(u**2 / (K + u**2), u) == 2 * K * u / (K + u**2) ** 2

@@ -14,6 +14,7 @@ from gsp.errors import BranchError, DeclarationError, GspError, UnsupportedFunct
 from gsp.proofs import certification as module
 from gsp.proofs import refutation
 from gsp.proofs.verdict import ProofVerdict
+from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
 from tests.cases import thinned
 from tests.proof_files import SCENES
@@ -48,6 +49,19 @@ def test_van_der_pol_is_proved_up_to_its_fold(distance: float) -> None:
     heights = [r.real for r in np.roots([-1 / 3, 0, 1, low]) if abs(r.imag) < 1e-9 and r.real > 1]
     assert 0.4 * (max(heights) ** 2 - 1) < found.gap <= 1.001 * (max(heights) ** 2 - 1) + 1e-9
     assert found.tried < 120
+
+
+def test_a_law_of_friction_is_proved_far_along_its_tail(tmp_path) -> None:
+    found = certify(
+        branch({y: x - y / sp.sqrt(1 + y**2)}, through={"x": 0.0, "y": 0.0}), region={"x": (-0.99, 0.99)}
+    )
+    assert found.verdict is PROVED
+    # The slope is (1 - x^2)^(3/2) on the branch.
+    assert 0.4 * (1 - 0.99**2) ** 1.5 < found.gap <= (1 - 0.99**2) ** 1.5
+    # 460 boxes with the product rule's slope.
+    assert found.tried < 120
+    found.save(tmp_path / "proof.json")
+    assert verify(tmp_path / "proof.json").gap >= found.gap / 2
 
 
 def test_a_box_with_the_fold_is_refuted_with_the_fold_as_witness() -> None:
