@@ -16,6 +16,8 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.critical.elimination import pieces
+from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.saturation import saturates
 from gsp.critical.sheet_points import place
 from gsp.critical.sheet_roots import fast_bounds, within
 from gsp.errors import BranchError, GspError
@@ -80,8 +82,12 @@ class CriticalManifold(Card):
                 "Move the start along one of the sheets.",
                 got=place_of,
             )
+        middle = _between_fields(self.system, x, y) if best is None else None
+        if middle is not None:
+            return self.nearest(middle, region=region)
         if best is None:
-            raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
+            listed = " ".join(reason[0].upper() + reason[1:] for reason in reasons)
+            raise BranchError(f"no branch of the critical manifold is real near the start. {listed}")
         self._refuse_far_branch(x, y, best[0][1])
         return best[1]
 
@@ -117,6 +123,22 @@ def _values(expressions: Sequence[sp.Expr], system: SlowFastSystem, x: np.ndarra
     """Values (k,) at one point, not a number where an expression is not real there."""
     function = compile_over(system, expressions)
     return function(np.concatenate([x, y]), compile_flow(system).constants)
+
+
+def _between_fields(system: SlowFastSystem, x: np.ndarray, y: np.ndarray) -> dict[str, float] | None:
+    """The point with 0 for fast variables that g saturates in, as for v = s/epsilon far off a switch; None for no such.
+
+    Far off nothing leads to where the field slides, at 0 all does.
+    """
+    fixed = dict(zip(system.parameters, compile_flow(system).constants[1:].tolist()))
+    problem, u = LayerProblem(system, system.x, fixed), np.concatenate([x, y])
+    moved = u.copy()
+    for column in range(len(x), len(u)):
+        if saturates(problem, u, column):
+            moved[column] = 0.0
+    if np.array_equal(moved, u):
+        return None
+    return dict(zip((s.name for s in system.states), moved.tolist()))
 
 
 def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:

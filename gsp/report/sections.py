@@ -241,7 +241,10 @@ class Page(Setting):
         return {
             "rescaled": splitting.rescaled,
             "scaling": splitting.scaling,
-            "switches": [str(switch).rstrip(".") for switch in self.analysis.study.switches],
+            "switches": [
+                (self._equal(s.fast, s.surface / s.epsilon), "" if s.state is None else self._equal(s.state, s.value))
+                for s in self.analysis.study.switches
+            ],
             "states": self.names(splitting.field.states),
             "layer": [self.block("<mi>f</mi>", f), self.block("<mi>N</mi>", splitting.N)],
             "route": splitting.route,
@@ -258,6 +261,9 @@ class Page(Setting):
                 ),
             ],
         }  # fmt: skip
+
+    def _equal(self, left: Any, right: Any) -> Any:
+        return self.inline(row(self.set.row(left), operator("="), self.set.row(right)))
 
     def branches(self) -> list[dict[str, Any]]:
         study = self.analysis.study

@@ -37,7 +37,7 @@ class Switch(Card):
     value: sp.Expr | None = None
 
     def __str__(self) -> str:
-        what = f"{self.fast} = ({self.surface})/{self.epsilon} is a fast variable"
+        what = f"{self.fast} = {self.surface / self.epsilon} is a fast variable"
         if self.state is None:
             return f"{what} beside the states, none of which it can be solved for."
         return f"{what} in place of {self.state} = {self.value}."

@@ -479,3 +479,13 @@ def test_how_far_a_piece_of_several_equations_is_counts_all_of_them() -> None:
     assert manifold.nearest({"x": 1, "X": 3.4, "Y": 3.6, "z": 2.5}) == manifold.branches[0]
     with pytest.raises(BranchError, match=r"nearest to the piece X - Y = 0 and -X \+ z = 0"):
         manifold.nearest({"x": 1, "X": 1.0, "Y": 1.1, "z": 1.0})
+
+
+def test_a_start_far_off_two_switches_has_the_sheet_on_which_both_hold() -> None:
+    phi = {s: s / sp.sqrt(1 + s**2) for s in (y, z)}
+    system = SlowFastSystem(
+        slow={x: sp.Integer(1)}, fast={y: x / 2 - phi[y], z: x / 4 - phi[z] + phi[y] / 8}, epsilon=eps
+    )
+    sheet = solve_critical(system).nearest({"x": 1.0, "y": -100.0, "z": -50.0}, region={"x": (0, 1)})
+    held = np.array([1 / 2, 5 / 16])
+    assert sheet.points({"x": 1.0}) == pytest.approx(held / np.sqrt(1 - held**2), rel=1e-10)
