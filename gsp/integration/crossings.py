@@ -369,8 +369,10 @@ class Search:
         """The two crossings between points i and j of the same sign, where |g| dips through zero between them, or the
         one instant at which it comes to zero."""
         a, b = float(t[i]), float(t[j])
-        lowest, value = least(lambda s: sign[i] * self._value(column, s, piece), a, b, below=0.0)
-        if not value < 0.0:
+        # Beside a start on the zero rounding alone is below it: a function that only touches zero does not dip.
+        below = -ROUNDING * self.watched[column].size(a, piece.at(np.array([a]))[0])
+        lowest, value = least(lambda s: sign[i] * self._value(column, s, piece), a, b, below=below)
+        if not value < below:
             # One of the two points may be on the zero itself.
             low, high = sorted((abs(g[i]), abs(g[j])))
             if not (self.watched[column].touches and value <= max(TOUCHED * low, TOUCHED**2 * high)):

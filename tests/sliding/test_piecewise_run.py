@@ -12,6 +12,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.sliding.law import W
 from gsp.sliding.piecewise_field import PiecewiseField
 from gsp.sliding.piecewise_run import PiecewiseRun, Side, run_piecewise
+from tests.sliding.filippov import filippov
 
 x, y, z, u, t = sp.symbols("x y z u t")
 fold = PiecewiseField({x: 1, y: x}, {x: 1, y: 1}, y)
@@ -160,3 +161,37 @@ def test_wrong_calls_are_refused() -> None:
         run_piecewise(fold, start={"x": 0, "y": 0}, span=(1, 0))
     with pytest.raises(DeclarationError, match="no state"):
         run_piecewise(fold, start={"q": 0, "x": 0, "y": 0}, span=(0, 1))
+
+
+# Numbers of random fields over which runs leave sliding to either side again and again, and of others.
+OFTEN = [3, 7]
+
+
+@pytest.mark.parametrize(
+    "number",
+    [*OFTEN, *(pytest.param(k, marks=pytest.mark.exhaustive) for k in range(10) if k not in OFTEN)],
+)
+def test_a_run_of_a_random_field_is_filippovs_by_scipy(number: int) -> None:
+    """Both fields carry an oscillator, by which they push onto the curved surface at times, and away at others."""
+    draw = np.random.default_rng(number)
+    p, q, r, *numbers = [sp.Rational(int(k), 8) for k in draw.integers(-8, 9, 9)]
+    push = sp.Rational(int(draw.integers(4, 12)), 8)
+    a, b = numbers[:3], numbers[3:]
+    plus, minus = (
+        {x: z, y: k[0] * x + k[1] * z + k[2] * x * z - y / 4 + way * push, z: -2 * x}
+        for k, way in ((a, -1), (b, 1))
+    )
+    surface = y + p / 2 * x**2 + q / 2 * sp.sin(z) + r / 2
+    start = [*(draw.integers(-8, 9, 3) / 8 + 0.01)]
+    signs, ends, last = filippov(plus, minus, surface, start, 10.0)
+    run = run_piecewise(
+        PiecewiseField(plus, minus, surface),
+        start=dict(zip("xyz", start)),
+        span=(0, 10),
+        rtol=1e-11,
+        atol=1e-12,
+    )
+    names = {1: Side.PLUS, -1: Side.MINUS, 0: Side.SLIDING}
+    assert sides(run) == [names[sign] for sign in signs]
+    assert [piece.run.t[-1] for piece in run.pieces] == pytest.approx(ends, abs=1e-8)
+    assert run.pieces[-1].run.y[:, -1] == pytest.approx(last, abs=1e-8)
