@@ -86,8 +86,7 @@ class CriticalManifold(Card):
         if middle is not None:
             return self.nearest(middle, region=region)
         if best is None:
-            listed = " ".join(reason[0].upper() + reason[1:] for reason in reasons)
-            raise BranchError(f"no branch of the critical manifold is real near the start. {listed}")
+            raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
         self._refuse_far_branch(x, y, best[0][1])
         return best[1]
 
