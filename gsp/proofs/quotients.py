@@ -29,7 +29,7 @@ class Program(Protocol):
 
 
 @dataclass(frozen=True)
-class Quotient:
+class PowerQuotient:
     """sign rest f^k B^p: places of f and B, the (k + p j) c_j with j, and places of the rest with their powers."""
 
     sign: int
@@ -67,7 +67,7 @@ class Quotient:
         return total
 
 
-def quotients(program: Program) -> dict[int, Quotient]:
+def quotients(program: Program) -> dict[int, PowerQuotient]:
     """Those of the outermost products of a program that are such, by their places in its code."""
     inner = {
         place - program.variables
@@ -111,7 +111,7 @@ def _factors(program: Program, product: int) -> tuple[int, dict[int, Fraction]]:
     return sign, found
 
 
-def _quotient(program: Program, sign: int, factors: dict[int, Fraction]) -> Quotient | None:
+def _quotient(program: Program, sign: int, factors: dict[int, Fraction]) -> PowerQuotient | None:
     for base, p in factors.items():
         if p >= 0 or _entry(program, base)[0] not in ("+", "-"):
             continue
@@ -128,7 +128,7 @@ def _quotient(program: Program, sign: int, factors: dict[int, Fraction]) -> Quot
             continue
         weighted = tuple((ia.multiply(ia.of(k + p * j), c), j) for c, j in rows if k + p * j)
         rest = tuple((place, power) for place, power in factors.items() if place not in (f, base) and power)
-        return Quotient(sign, f, k, base, p, weighted, rest)
+        return PowerQuotient(sign, f, k, base, p, weighted, rest)
     return None
 
 
