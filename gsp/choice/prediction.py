@@ -268,8 +268,9 @@ class Prediction:
 
     def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
         """Where the `terms` (m, k, n_fast) left out have begun to grow again."""
-        with np.errstate(over="ignore"):
-            sizes = np.linalg.norm(terms / self.series.branch.scales[1], axis=2)
+        # Terms of a series that diverges may be beyond doubles when they are squared.
+        with np.errstate(over="ignore", invalid="ignore"):
+            sizes = np.hypot.reduce(terms / self.series.branch.scales[1], axis=2)
         # The first two terms left out at each order, as in the errors, or the first where there are no more.
         left, ahead = sizes[:, 1 : order + 2], len(self.compared(order)) - 1
         if ahead == 0:

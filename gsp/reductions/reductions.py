@@ -24,7 +24,13 @@ from gsp.results.card import Card
 from gsp.scales.small_parameter import SmallParameter
 from gsp.scales.time_scales import TimeScales, time_scales
 from gsp.scenes.scene import Scene
-from gsp.scenes.small_parameter import take_fast, take_small, with_bookkeeping, without_small
+from gsp.scenes.small_parameter import (
+    are_fast_by_themselves,
+    take_fast,
+    take_small,
+    with_bookkeeping,
+    without_small,
+)
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.arguments import check_noun, check_progress
@@ -340,9 +346,13 @@ def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
     made = take_fast(scene, variables=[s.name for s in fast])
     rates = dict(zip(scene.system.states, scene.system.rates))
     for parameter, value in sorted(scene.system.parameters.items(), key=lambda pair: pair[1]):
-        if value > 0 and all(
-            misplaced_epsilon(rate, parameter) is None and pole_order(rate, parameter) == (state in fast)
-            for state, rate in rates.items()
+        if (
+            value > 0
+            and all(
+                misplaced_epsilon(rate, parameter) is None and pole_order(rate, parameter) == (state in fast)
+                for state, rate in rates.items()
+            )
+            and are_fast_by_themselves(rates, parameter, fast)
         ):
             return made, take_small(scene, parameter=parameter.name)
     return made, made

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.laurent import pole_order
+from gsp.algebra.differentiation import jacobian
+from gsp.algebra.elimination_over_rationals import generic_point, independent_rows, numbers_at
+from gsp.algebra.laurent import laurent, pole_order
 from gsp.errors import DeclarationError, SplittingError
 from gsp.integration.trajectory import trajectory_of
 from gsp.scenes.scene import LADDER, TIME, Scene
@@ -75,8 +79,27 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
         name=system.name,
         observables=system.observables,
     )
-    fast = [state.name for state, rate in rates.items() if not _is_regular([rate], symbol)]
-    return replace(plain, system=field, epsilon=value, epsilons=None, region=_bounds(plain, fast), **changes)
+    fast = [state for state, rate in rates.items() if not _is_regular([rate], symbol)]
+    # Of fast states that are not so by themselves slow coordinates are made, which need their bounds.
+    unbounded = [state.name for state in fast] if are_fast_by_themselves(rates, symbol, fast) else []
+    return replace(
+        plain, system=field, epsilon=value, epsilons=None, region=_bounds(plain, unbounded), **changes
+    )
+
+
+def are_fast_by_themselves(
+    rates: Mapping[sp.Symbol, sp.Expr], symbol: sp.Symbol, fast: Sequence[sp.Symbol]
+) -> bool:
+    """Whether no combination of the `fast` states, whose rates have a pole in `symbol`, is slow.
+
+    The rates' leading parts have a Jacobian in these states that is invertible at a generic point.
+    """
+    if len(fast) < 2:
+        return True
+    leading = [min(laurent(rates[state], symbol, order=-1).items())[1] for state in fast]
+    matrix = jacobian(leading, fast)
+    values = numbers_at(matrix, generic_point(sorted(matrix.free_symbols, key=str)))
+    return values is not None and len(independent_rows(values)) == len(fast)
 
 
 def take_fast(scene: Scene, *, variables: Iterable[str]) -> Scene:
@@ -251,11 +274,20 @@ def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
             size = max(abs(low), abs(high))
             # What keeps to the tolerance stays within.
             margin = scene.tolerance * size if high - low > RTOL * size else 1.0 + size
-            region[name] = low - margin, high + margin
+            region[name] = _rounded_outwards(low - margin, high + margin, RTOL * margin)
         for name in _never_negative(scene.full_flow, [s for s in flow.states if run[s].min() >= 0.0]):
             if name in missing:
                 region[name] = max(region[name][0], 0.0), region[name][1]
     return region
+
+
+def _rounded_outwards(low: float, high: float, accuracy: float) -> Interval:
+    """The interval with ends in no more digits than the accuracy has, for who reads them."""
+    # A state may be as small as numbers get.
+    places = math.floor(math.log10(max(accuracy, np.finfo(float).tiny)))
+    step = Fraction(10) ** places
+    ends = math.floor(Fraction(low) / step), math.ceil(Fraction(high) / step)
+    return float(f"{ends[0]}e{places}"), float(f"{ends[1]}e{places}")
 
 
 def _never_negative(flow: VectorField, candidates: Iterable[sp.Symbol]) -> set[str]:

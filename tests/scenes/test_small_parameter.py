@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,15 @@ def test_bounds_of_slow_states_are_those_of_the_run(motor: gsp.Scene) -> None:
     assert region["w"] == pytest.approx((-margin, most + margin), rel=1e-4)
 
 
+def test_bounds_found_by_a_run_have_no_more_digits_than_it_tells(motor: gsp.Scene) -> None:
+    rough = replace(motor, tolerance=0.01)
+    most = gsp.integrate(motor)["w"].max()
+    low, high = take_small(rough, parameter="L").region["w"]
+    assert (low, high) == pytest.approx((-0.01 * most, 1.01 * most), rel=1e-4)
+    # A hundredth of what the run tells to 1e-6.
+    assert all(round(end, 8) == end for end in (low, high))
+
+
 def test_bounds_of_an_amount_leave_out_what_no_run_reaches() -> None:
     """S is eaten and flows in: it stays positive. v is pulled through zero."""
     S, v, y, k, eps = sp.symbols("S v y k epsilon")
@@ -81,6 +91,20 @@ def test_bounds_of_an_amount_leave_out_what_no_run_reaches() -> None:
     # Within the tolerance of 0.1 it could have been at 0.05 - 0.1.
     assert region["S"] == pytest.approx((0.0, 1.1), rel=1e-4)
     assert region["v"][0] < 0.0
+
+
+def test_states_that_are_fast_only_against_each_other_are_bounded() -> None:
+    """A radiator in warm contact with the air: Tr - Ta is fast, Cr Tr + Ca Ta is slow and is made of both."""
+    Tr, Ta, Tw, R = sp.symbols("Tr Ta Tw R")
+    field = gsp.VectorField(
+        {Tr: (1 - (Tr - Ta) / R) / 2, Ta: (Tr - Ta) / R - (Ta - Tw), Tw: (Ta - 2 * Tw) / 50},
+        parameters={R: sp.Rational(1, 100)},
+    )
+    taken = take_small(gsp.Scene(field, {}, {"Tr": 1, "Ta": 0, "Tw": 0}, (0, 20)), parameter="R")
+    assert set(taken.region) == {"Tr", "Ta", "Tw"}
+    study = gsp.study(taken)
+    assert len(study.system.y) == 1
+    assert study.branch is not None
 
 
 def test_a_factor_of_the_rates_makes_the_time_the_slow_one() -> None:
