@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import sympy as sp
@@ -199,8 +200,19 @@ def check_bounds(bounds: Bounds | None, problem: LayerProblem) -> dict[str, Inte
     return result
 
 
+class Bent(Protocol):
+    """Equations in `unknowns` with their first and second derivatives."""
+
+    @property
+    def unknowns(self) -> tuple[sp.Symbol, ...]: ...
+
+    def jacobian(self, u: np.ndarray, /) -> np.ndarray: ...
+
+    def second(self, u: np.ndarray, /) -> np.ndarray: ...
+
+
 def natural_scales(
-    problem: LayerProblem, u: np.ndarray, bounds: Mapping[str, Interval], *, or_own: bool = False
+    problem: Bent, u: np.ndarray, bounds: Mapping[str, Interval], *, or_own: bool = False
 ) -> np.ndarray:
     """A typical size of each unknown (N,): the width of its bounds, else |u|, else what matters as much in g.
 

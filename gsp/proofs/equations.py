@@ -44,12 +44,12 @@ class EnclosedEquations:
         x: Sequence[sp.Symbol],
         y: Sequence[sp.Symbol],
         equations: Sequence[sp.Expr],
-        sizes: Sequence[float] | None = None,
+        sizes: np.ndarray | None = None,
     ) -> None:
         # A derivative of a decimal would be rounded by SymPy.
         self.x, self.y, self.equations = tuple(x), tuple(y), tuple(without_decimals(e) for e in equations)
         self.n, self.m = len(self.x), len(self.y)
-        self.sizes = np.ones(self.m) if sizes is None else np.array(sizes)
+        self.sizes = np.ones(self.m) if sizes is None else sizes
         self._by_y, self._by_x = (
             [gathered_derivative(e, s) for e in self.equations for s in symbols] for symbols in (self.y, self.x)
         )
