@@ -153,8 +153,7 @@ def foreseen(runs, *, rate: float = 0.0) -> Prediction:
     sampler = SimpleNamespace(
         eigenvalues=lambda z: -np.ones((len(z), 1)),
         tangential_rates=lambda z: np.full(len(z), rate),
-        inside=lambda slow, region: np.ones(len(slow), dtype=bool),
-        system=SimpleNamespace(x=()),
+        system=SimpleNamespace(x=(x,), y=(), states=(x, y)),
     )
     return Prediction(Series(), 0.1, runs, ("x",), {}, {}, sampler, 1e-6)  # pyright: ignore[reportArgumentType]
 
