@@ -50,7 +50,7 @@ def test_a_card_is_lettered(name: str) -> None:
     assert plain_in(noun(name)._repr_html_()) == []
 
 
-@pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
+@pytest.mark.parametrize("name", sampled(["chaplygin_sleigh", "van_der_pol"], always=["van_der_pol"]))
 def test_a_report_is_lettered(name: str, tmp_path) -> None:
     page = write_report(analysis_of(name), tmp_path / "report")
     assert plain_in(page.read_text(encoding="utf-8")) == []

@@ -12,7 +12,7 @@ from flint import arb
 import gsp
 from gsp.errors import DeclarationError, GspError
 from gsp.proofs.verification import verify
-from tests.cases import sampled
+from tests.cases import sampled, thinned
 from tests.cycles.collocation import Field, passed
 from tests.cycles.systems import R, epsilon, system, van_der_pol, x, y
 
@@ -44,7 +44,7 @@ def crossing(name: str) -> gsp.DelayedExit:
     return gsp.entry_exit(gsp.solve_critical(found).nearest({"x": u, "y": v}), start={"y": start})
 
 
-@pytest.mark.parametrize("name", CROSSINGS)
+@pytest.mark.parametrize("name", thinned(CROSSINGS, 3))
 def test_runs_pass_the_strip_where_branches_meet(name: str, tmp_path: Path) -> None:
     exit = crossing(name)
     found = gsp.certify(exit)

@@ -129,6 +129,7 @@ def test_a_fold_of_what_does_not_saturate_stays_one() -> None:
     assert loss.kind is LossKind.FOLD
 
 
+@pytest.mark.exhaustive
 def test_where_a_blade_lets_go_is_a_fold_also_on_the_edge_of_the_region() -> None:
     """|v omega| = mu N (I + m a^2)/(m I) = 0.936 cuts a corner off the region."""
     branch = study(

@@ -271,6 +271,7 @@ def test_two_fast_variables_with_scales_of_their_own_are_left_out_together() -> 
     assert not any(each.why_not for each in both)
 
 
+@pytest.mark.exhaustive
 def test_a_reactor_with_a_fast_wall_is_looked_at_to_the_end() -> None:
     """At T = 0 Arrhenius' law has no value, and reduced flows of what is slow blow up: neither ends the search."""
     rates = {
