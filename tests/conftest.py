@@ -8,6 +8,7 @@ import importlib
 import os
 import signal
 import sys
+import zlib
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
@@ -27,6 +28,23 @@ MANY = 2000
 # Bytecode is kept as kernels are; without it every process of the tests would compile all modules anew.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--share", metavar="K/N", help="run the K-th of N shares of the tests, as their names fall")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep one share of the tests. What a test is called decides, so that another one beside it moves none."""
+    share = config.getoption("--share")
+    if share is None:
+        return
+    which, shares = map(int, share.split("/"))
+    rest = [item for item in items if zlib.crc32(item.nodeid.encode()) % shares != which % shares]
+    config.hook.pytest_deselected(items=rest)
+    left_out = set(rest)
+    items[:] = [item for item in items if item not in left_out]
 
 
 @pytest.hookimpl(wrapper=True)
