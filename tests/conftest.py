@@ -31,7 +31,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--share", metavar="K/N", help="run the K-th of N shares of the tests, as their names fall")
+    parser.addoption(
+        "--share", metavar="K/N", help="run the K-th of N shares of the tests, as their names fall"
+    )
 
 
 @pytest.hookimpl(trylast=True)

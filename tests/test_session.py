@@ -72,5 +72,5 @@ def test_each_test_is_in_one_share_whatever_stands_beside_it() -> None:
         fewer = [Item(name) for name in names[::2]]
         pytest_collection_modifyitems(Config(which), fewer)  # pyright: ignore[reportArgumentType]
         assert {item.nodeid for item in fewer} <= set(shares[-1])
-    assert sorted(sum(shares, [])) == sorted(names)
+    assert sorted(name for share in shares for name in share) == sorted(names)
     assert all(10 < len(share) < 30 for share in shares)
