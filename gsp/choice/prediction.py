@@ -187,16 +187,20 @@ class Prediction:
         The region of a field that was split bounds its raw states, whichever of them became fast coordinates.
         The base point of a start on the region's edge lies beyond it by as much as its fibre carries it.
         """
-        begin = [run[s.name][0] for s in self.sampler.system.states]
-        points = np.vstack([begin, states])
-        values, region = dict(zip((s.name for s in self.sampler.system.states), points.T)), self.region
+        system = self.sampler.system
+        points = np.vstack([[run[s.name][0] for s in system.states], states])
+        values, region = dict(zip((s.name for s in system.states), points.T)), self.region
+        widened = {s.name for s in system.x}
         if self.raw is not None:
             values, region = self.raw.values(points), self.raw.region
+            widened = set(region)
         good = np.ones(len(states), dtype=bool)
         for name, (low, high) in region.items():
             first, later = values[name][0], values[name][1:]
             slack = BESIDE * (high - low)
-            good &= ~((later < min(low, first) - slack) | (later > max(high, first) + slack))
+            if name in widened:
+                low, high = min(low, first), max(high, first)
+            good &= ~((later < low - slack) | (later > high + slack))
         return good
 
     def holds_until(
