@@ -203,12 +203,20 @@ class SlowOrbit:
         return panel.at(np.array([t]))[0]
 
     def velocity(self, z: np.ndarray) -> np.ndarray:
-        """(x', y') of the reduced flow at a point (n,) of the branch."""
+        """(x', y') of the reduced flow at a point (n,) of the branch; `PassageError` where it folds."""
         m, n = len(self.branch.system.x), len(self.branch.system.y)
         f = self._f(z[None, :])[0]
         both = self.equations.compiled([*self.equations.E_x, *self.equations.E_y])(z[None, :])[0]
         E_x, E_y = both[: n * m].reshape(n, m), both[n * m :].reshape(n, n)
-        return np.concatenate([f, -np.linalg.solve(E_y, E_x @ f)])
+        try:
+            slope = np.linalg.solve(E_y, E_x @ f)
+        except np.linalg.LinAlgError:
+            raise PassageError(
+                "the branch folds where the orbit loses stability, as at a canard point, and what follows is not told.",
+                "Start beyond the point, or ask `gsp.folded_singularities` or `gsp.canard_value` about it.",
+                got=f"{dict(zip((s.name for s in self.branch.system.states), map(float, z)))}",
+            ) from None
+        return np.concatenate([f, -slope])
 
     def eigenvalues(self, z: np.ndarray) -> np.ndarray:
         """Eigenvalues of g_y at points (k, n), the rightmost first, conjugates with positive imaginary part first."""
