@@ -238,37 +238,49 @@ def _axis(
     # for two halvings).
     small = width[widest] / whole[widest] <= 2.0**-7
     root = equations.root(middle, near)
-    seen = None if root is None else _variation(equations, middle, root, width, sides)
+    seen = None if root is None else _variation(equations, middle, root, width)
     if root is None or seen is None:
         return (None if small else widest), middle
-    slope, variation = seen
+    slope, *variations = seen
     suspect = _suspect(equations, box, root, slope) if small else None
     if suspect is not None:
         return None, suspect
     # Where nothing varies the widest side is cut.
-    return (sides[int(np.argmax(variation))] if variation.max() > 1e-12 else widest), None
+    telling = next((each for each in variations if each.max() > 1e-12), None)
+    axis = widest if telling is None else int(np.argmax(telling))
+    # Where the side that tells is thin, no cut of another one decides anything.
+    return (axis, None) if axis in sides else (None, middle)
 
 
 def _variation(
-    equations: EnclosedEquations, middle: np.ndarray, root: np.ndarray, width: np.ndarray, sides: list[int]
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """The branch's slope (m, n), and how much derivative and matrix vary across each of the sides; None where
-    singular.
+    equations: EnclosedEquations, middle: np.ndarray, root: np.ndarray, width: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """The branch's slope (m, n), how much D_y F varies across each side (n,), and how much D_x F does there; None
+    where singular.
     """
     by_y, by_x = (part[0] for part in equations.nearby(middle[None], root[None]))
-    steps = 0.5 * width[sides, None] * np.eye(len(width))[sides]
+    steps = 0.5 * np.diag(width)
     ends = np.concatenate([steps, -steps])
     try:
         slope = -np.linalg.solve(by_y, by_x)
         x, y = middle + ends, root + ends @ slope.T
-        values = equations.nearby(x, y)[0]
-        low, high = values[: len(sides)], values[len(sides) :]
-        # About a symmetric middle both ends have the same matrix, and yet it varies.
-        change = np.linalg.solve(by_y, np.concatenate([low - high, low + high - 2.0 * by_y]))
-        variation = np.abs(change).sum(axis=2).max(axis=1).reshape(2, -1).max(axis=0)
+        matrices, slopes = equations.nearby(x, y)
+        variation = _change(by_y, by_y, matrices)
+        # What an end that is a branch point leaves infinite varies most.
+        bending = np.nan_to_num(_change(by_y, by_x * width, slopes * width), nan=np.inf)
     except np.linalg.LinAlgError:
         return None
-    return (slope, variation) if np.isfinite(variation).all() else None
+    return (slope, variation, bending) if np.isfinite(variation).all() else None
+
+
+def _change(by_y: np.ndarray, middle: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """How far matrices at both ends of each side (2 k, m, any) are from one another and from the `middle`'s, seen
+    through the inverse of `by_y`: (k,).
+    """
+    low, high = ends[: len(ends) // 2], ends[len(ends) // 2 :]
+    # About a symmetric middle both ends have the same matrix, and yet it varies.
+    change = np.linalg.solve(by_y, np.concatenate([low - high, low + high - 2.0 * middle]))
+    return np.abs(change).sum(axis=2).max(axis=1).reshape(2, -1).max(axis=0)
 
 
 def _suspect(equations: EnclosedEquations, box: Box, root: np.ndarray, slope: np.ndarray) -> np.ndarray | None:

@@ -237,3 +237,13 @@ def test_a_share_below_rounding_of_the_region_is_no_finding_and_is_not_sought(po
     assert (found.exclusion.left, found.exclusion.share) == ((), 0.0)
     # Two boxes for each of the 52 halvings.
     assert found.exclusion.tried <= 2 * 53
+
+
+def test_boxes_are_cut_across_the_variable_of_a_root_alone() -> None:
+    # Where D_y F is constant the branch's slope tells; halving the other side as well squares the boxes.
+    one = judge({y: sp.sqrt(x) - y}, region={"x": (0, 1)}).exclusion
+    two = judge({y: sp.sqrt(x) - y}, (x, u), region={"x": (0, 1), "u": (0, 1)}).exclusion
+    assert one is not None
+    assert two is not None
+    assert one.tried == two.tried
+    assert not two.left
