@@ -69,7 +69,7 @@ class LocalRing:
             value = value % self._minimal
         if self.is_exact:
             return value
-        return self.context.from_dict({m: c for m, c in value.to_dict().items() if abs(c) > ZERO})
+        return self.context.from_dict({m: _rounded(c) for m, c in value.to_dict().items() if abs(c) > ZERO})
 
     def inverse(self, value: Polynomial) -> Polynomial:
         """1/value of a constant; raises `ZeroDivisionError` for 0."""
@@ -113,6 +113,15 @@ class LocalRing:
             mantissa, power = found.mid().man_exp()
         self.is_exact = False
         return self.context.constant(flint.fmpq(mantissa) * flint.fmpq(2) ** int(power))
+
+
+def _rounded(value: flint.fmpq) -> flint.fmpq:
+    """A number that is not exact to `BITS` bits: products of fractions grow by those of both."""
+    above, below = int(value.p), int(value.q)
+    shift = BITS - above.bit_length() + below.bit_length()
+    if max(above.bit_length(), below.bit_length()) <= BITS or shift <= 0:
+        return value
+    return flint.fmpq((above << shift) // below, 1 << shift)
 
 
 class LocalSeries(Subtractable):

@@ -8,7 +8,8 @@ generators E with their derivative D E = E D u.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -140,6 +141,15 @@ class LocalisedRing:
     @spending.setter
     def spending(self, before: tuple[int, int]) -> None:
         self.spent, self.terms = before
+
+    @contextmanager
+    def afresh(self, share: float = 1.0) -> Iterator[None]:
+        """A block with a `share` of the budget of its own, so that what was done before it does not matter."""
+        before, self.spending = self.spending, (round((1.0 - share) * BUDGET), round((1.0 - share) * TERMS))
+        try:
+            yield
+        finally:
+            self.spending = before
 
     def product(self, a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
         """a b, within the budget."""

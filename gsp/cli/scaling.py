@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from gsp.scales.small_parameter import SmallParameter
     from gsp.scenes.scene import Scene
 
+# Reductions at special values that are measured: each takes a run.
+MOST = 100
+
 
 @cli.command()
 @asks("set", "epsilon", "start")
@@ -104,14 +107,19 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
     with progress_bar("special values") as show:
         found = small_parameters(field, kept=keep, progress=show)
     check_interrupt()
-    measured, told = tuple(found), found.message
+    # A list for people leaves out what more parameters add to a manifold; nobody reads or waits for thousands.
+    listed = tuple(found) if as_json else found.simplest()
+    measured, told = listed[:MOST], found.message
     try:
         atol = absolute_tolerance(RTOL, {}, plain.start)
         run = trajectory_of(field, plain.start, plain.span, rtol=RTOL, atol=atol)
-        measured = with_errors(plain, run, found)
+        with progress_bar("errors") as show:
+            measured = with_errors(plain, run, measured, progress=show)
         told += "" if run.status.ok else f" Errors were not measured. {run.message}"
     except GspError as error:
         told += f" Errors were not measured: {error.reason}"
+    if len(listed) > MOST:
+        told += f" {len(found)} manifolds were found, and the {MOST} for which fewest parameters vanish were looked at."
     if as_json:
         print_json(
             {
@@ -125,6 +133,9 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
     useful = [each for each in measured if each.attracts is not False and each.is_positive is not False]
     for each in useful:
         tell(each)
+        if not each.is_within_reach:
+            click.echo("    the reduction has more terms than the exact algebra forms")
+            continue
         for state, rate in each.reduced.items():
             tell(f"    {state}' = {rate}")
         if each.error is not None and isfinite(each.error):
@@ -134,9 +145,13 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
     if not useful:
         tell("No parameter of this model may be called small.")
     tell(told)
-    if len(useful) < len(found):
+    if len(listed) < len(found):
         click.echo(
-            f"{len(found) - len(useful)} more manifolds do not attract, or have no points with positive states; "
+            f"{len(found) - len(listed)} more let further parameters vanish on the same manifolds; --json has them."
+        )
+    if len(useful) < len(measured):
+        click.echo(
+            f"{len(measured) - len(useful)} more manifolds do not attract, or have no points with positive states; "
             "--json has them."
         )
 
@@ -149,6 +164,8 @@ def _plain(found: SmallParameter) -> dict[str, object]:
         "manifold": [str(e.lhs) for e in found.manifold],
         "attracts": found.attracts,
         "is_positive": found.is_positive,
-        "reduced": {state.name: str(rate) for state, rate in found.reduced.items()},
+        "reduced": {state.name: str(rate) for state, rate in found.reduced.items()}
+        if found.is_within_reach
+        else None,
         "error": None if found.error is None or not isfinite(found.error) else found.error,
     }

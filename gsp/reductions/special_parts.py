@@ -64,24 +64,37 @@ def special_parts(field: VectorField, is_separated: Callable[[int], bool]) -> li
         return []
     useful: dict[object, SmallParameter] = {}
     for each in found:
-        if each.attracts is False or each.is_positive is False or each.graph is None or each.is_trivial:
+        if each.attracts is False or each.is_positive is False or not each.is_within_reach:
+            continue
+        if each.graph is None or each.is_trivial:
             continue
         # More parameters that vanish, to the same reduction on the same manifold, say nothing new.
         useful.setdefault((frozenset(each.graph.items()), frozenset(each.reduced.items())), each)
     return list(useful.values())
 
 
-def with_errors(scene: Scene, run: Trajectory, found: Sequence[SmallParameter]) -> tuple[SmallParameter, ...]:
+def with_errors(
+    scene: Scene,
+    run: Trajectory,
+    found: Sequence[SmallParameter],
+    *,
+    progress: Callable[[float], object] = lambda share: None,
+) -> tuple[SmallParameter, ...]:
     """Each with its `error` at the scene's values, least first; infinite where the start leads to no such manifold.
 
-    One whose manifold is implicit stays without, and comes last; all do where the full run does not reach its end.
+    One whose manifold is implicit, or beyond the exact algebra's reach, stays without, and comes last; all do where the
+    full run does not reach its end.
 
     The largest of |difference| over the states that stay, relative to the largest value of each, of the reduction from
     where the layer's flow leads, against the full run behind the layer.
     """
     if not run.status.ok:
         return tuple(found)
-    measured = [each if each.graph is None else replace(each, error=_error(scene, run, each)) for each in found]
+    measured = []
+    for k, each in enumerate(found):
+        progress(k / len(found))
+        runs = each.is_within_reach and each.graph is not None
+        measured.append(replace(each, error=_error(scene, run, each)) if runs else each)
     return tuple(sorted(measured, key=lambda each: each.error if each.error is not None else float("inf")))
 
 

@@ -57,11 +57,16 @@ def has_positive_points(critical: CriticalPiece, negative: frozenset[int]) -> bo
 
 def sign_of(polynomial: Polynomial, negative: frozenset[int]) -> int | None:
     """1, 0 or -1 where every term has this sign for positive variables, those in `negative` negative; else None."""
-    signs = {
-        (1 if c > 0 else -1) * (-1 if sum(int(powers[i]) for i in negative) % 2 else 1)
-        for powers, c in polynomial.to_dict().items()
-    }
-    return None if len(signs) > 1 else signs.pop() if signs else 0
+    found = 0
+    for k in range(len(polynomial)):
+        sign = 1 if polynomial.coefficient(k) > 0 else -1
+        if negative:
+            powers = polynomial.monomial(k)
+            sign *= -1 if sum(int(powers[i]) for i in negative) % 2 else 1
+        if sign * found < 0:
+            return None
+        found = sign
+    return found
 
 
 def _sign(element: RingElement, negative: frozenset[int]) -> int | None:

@@ -56,9 +56,15 @@ class CriticalPiece:
 
     def on_piece(self, fraction: Fraction) -> RingElement:
         """The fraction on the piece; raises `HyperbolicityError` where its denominator vanishes there."""
-        top, left = self.piece.restricted(fraction[0])
-        below, right = self.piece.restricted(fraction[1])
+        top, left = self._restrict(fraction[0])
+        below, right = self._restrict(fraction[1])
         return self._element(top * right, below * left)
+
+    def _restrict(self, polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
+        """Top and denominator on the piece, within the ring's budget."""
+        for psi in self.piece.equations:
+            self.whole.ring.spend(polynomial, psi)
+        return self.piece.restricted(polynomial)
 
     def _element(self, top: Polynomial, below: Polynomial) -> RingElement:
         ring = self.whole.ring
@@ -76,7 +82,7 @@ class CriticalPiece:
         """A product of residues, as a residue again where an equation is not linear in its main variable."""
         if self.piece.is_linear:
             return element.reduced()
-        top, left = self.piece.restricted(element.numerator)
+        top, left = self._restrict(element.numerator)
         found = RingElement(self.whole.ring, top, element.exponents)
         return (found * RingElement(self.whole.ring, left, ()).inverse()).reduced()
 
@@ -147,7 +153,7 @@ class CriticalPiece:
         raise AssertionError("sigma_r is not zero, so M^2 has rank r")
 
     def _restricted(self, element: RingElement) -> RingElement:
-        top, left = self.piece.restricted(element.numerator)
+        top, left = self._restrict(element.numerator)
         found = RingElement(self.whole.ring, top, element.exponents)
         return found if left.is_one() else found * RingElement(self.whole.ring, left, ()).inverse()
 

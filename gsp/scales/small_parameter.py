@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
 import sympy as sp
 
-from gsp.errors import DeclarationError, Status
+from gsp.errors import BudgetError, DeclarationError, Status
 from gsp.results.card import Card
 from gsp.results.table import Names
 from gsp.scales.attraction import attracts, has_positive_points
 from gsp.scales.critical_piece import CriticalPiece
 from gsp.systems.flow import Portable
 from gsp.systems.system import VectorField
+
+# Of the exact algebra's budget for one verdict or reduction, of which there are thousands: half a second.
+SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,19 +56,33 @@ class SmallParameter(Portable, Card):
     def attracts(self) -> bool | None:
         """Whether the manifold attracts wherever states are positive, and parameters have the signs of their values.
 
-        True: everywhere there; False: nowhere; None: signs of coefficients do not decide it, or it depends.
+        True: everywhere there; False: nowhere; None: it depends, or signs of coefficients do not decide it, or there
+        are more of them than the exact algebra forms.
         """
-        return attracts(self.critical, self._negative)
+        return self._decided(attracts)
 
     @cached_property
     def is_positive(self) -> bool | None:
         """Whether states can be positive or zero on the manifold; None where signs do not decide it."""
-        return has_positive_points(self.critical, self._negative)
+        return self._decided(has_positive_points)
+
+    def _decided(self, verdict: Callable[[CriticalPiece, frozenset[int]], bool | None]) -> bool | None:
+        with self.critical.whole.ring.afresh(SHARE), suppress(BudgetError):
+            return verdict(self.critical, self._negative)
+        return None
 
     @property
     def _negative(self) -> frozenset[int]:
         places = self.critical.whole.places
         return frozenset(places[p] for p, value in self.original.parameters.items() if value < 0)
+
+    @cached_property
+    def is_within_reach(self) -> bool:
+        """Whether the exact algebra forms `graph` and `reduced`: otherwise they raise `BudgetError`."""
+        try:
+            return self.reduced is not None
+        except BudgetError:
+            return False
 
     @cached_property
     def is_trivial(self) -> bool:
@@ -105,16 +123,19 @@ class SmallParameter(Portable, Card):
     @cached_property
     def graph(self) -> Mapping[sp.Symbol, sp.Expr] | None:
         """States on the manifold as functions of the others; None where it is implicit."""
-        graph = self.critical.graph
+        with self.critical.whole.ring.afresh(SHARE):
+            graph = self.critical.graph
         return None if graph is None else MappingProxyType(graph)
 
     @cached_property
     def reduced(self) -> Mapping[sp.Symbol, sp.Expr]:
         """The rates on the manifold to leading order, in the time of the field, of the states that stay.
 
-        x' = (1 - P (D psi P)^-1 D psi) F_1; where the manifold is implicit, of all states, in all of them.
+        x' = (1 - P (D psi P)^-1 D psi) F_1; where the manifold is implicit, of all states, in all of them. Raises
+        `BudgetError` where that has more terms than the exact algebra forms.
         """
-        rates = self.critical.reduction
+        with self.critical.whole.ring.afresh(SHARE):
+            rates = self.critical.reduction
         gone = self.critical.graph or {}
         return MappingProxyType({z: rate for z, rate in rates.items() if z not in gone})
 
@@ -157,6 +178,16 @@ class SmallParameters(tuple[SmallParameter, ...]):
         made = super().__new__(cls, found)
         made.field, made.status, made.message = field, status, message
         return made
+
+    def simplest(self) -> tuple[SmallParameter, ...]:
+        """Those to whose manifold no fewer of the same parameters lead."""
+        kept: dict[frozenset[sp.Expr], list[SmallParameter]] = {}
+        for each in self:
+            same = kept.setdefault(frozenset(each.critical.equations), [])
+            if not any(set(other.vanishing) <= set(each.vanishing) for other in same):
+                same.append(each)
+        chosen = {id(each) for group in kept.values() for each in group}
+        return tuple(each for each in self if id(each) in chosen)
 
     def __reduce__(self) -> tuple:
         return _made, (tuple(self), self.field, self.status, self.message)

@@ -14,13 +14,15 @@ import sympy as sp
 from gsp.errors import BudgetError, DeclarationError, Status
 from gsp.scales.critical_piece import CriticalPiece
 from gsp.scales.polynomial_field import PolynomialField, Ray
-from gsp.scales.small_parameter import SmallParameter, SmallParameters
+from gsp.scales.small_parameter import SHARE, SmallParameter, SmallParameters
 from gsp.scales.triangular_sets import decomposed
 from gsp.systems.arguments import check_each, check_noun, check_progress, check_text, check_whole
 from gsp.systems.system import VectorField
 
 # Terms of all equations that are looked at: some 50 s.
 BUDGET = 2_000_000
+# Products of terms that take the time of one of these.
+PRODUCTS = 2_500
 
 
 def small_parameters(
@@ -63,7 +65,7 @@ def small_parameters(
     if not fast_counts:
         return SmallParameters(found, field=field, status=Status.SUCCESS, message="There is one state only.")
     left = BUDGET
-    looked, skipped, steep = 0, [], []
+    looked, skipped, large, steep = 0, [], [], []
 
     def count(terms: int) -> None:
         nonlocal left
@@ -81,7 +83,7 @@ def small_parameters(
                 progress(max(looked / total, 1.0 - left / BUDGET))
             ray = Ray(whole, chosen)
             if ray.is_special:
-                found += _at(whole, ray, chosen, fast_counts, count, skipped)
+                found += _at(whole, ray, chosen, fast_counts, count, skipped, large)
             elif ray.order > 1:
                 steep.append(chosen)
             looked += 1
@@ -92,6 +94,10 @@ def small_parameters(
     message = f"{looked} of {total} choices of vanishing parameters were looked at.{rest}"
     if skipped:
         message += f" {len(skipped)} pieces were left out, on which no equation is linear in a variable."
+    if large:
+        message += (
+            f" {len(large)} were left out, whose linear part takes more terms than the exact algebra forms."
+        )
     if steep:
         least = ", ".join(p.name for p in steep[0])
         message += (
@@ -108,8 +114,9 @@ def _at(
     fast_counts: frozenset[int],
     count: Callable[[int], None],
     skipped: list[tuple[sp.Symbol, ...]],
+    large: list[tuple[sp.Symbol, ...]],
 ) -> list[SmallParameter]:
-    """What there is where those `chosen` vanish; they go to `skipped` for each piece that was not solved."""
+    """What there is where those `chosen` vanish; they go to `skipped` or `large` for each piece that was not solved."""
     n = len(whole.field.states)
     # What the layer moves is fast, and is what had better be left out.
     moved = frozenset(v for v, (top, _) in zip(whole.variables.solvable, ray.layer) if top != 0)
@@ -121,12 +128,20 @@ def _at(
         first=moved,
     )
     skipped += [chosen] * pieces.unsolved
-    criticals = (CriticalPiece(whole, ray, piece) for piece in pieces.pieces)
-    return [
-        SmallParameter.of(critical, chosen)
-        for critical in criticals
-        if n - critical.codimension in fast_counts and critical.is_hyperbolic and critical.is_in_domain
-    ]
+    found = []
+    for piece in pieces.pieces:
+        critical = CriticalPiece(whole, ray, piece)
+        if n - critical.codimension not in fast_counts:
+            continue
+        with whole.ring.afresh(SHARE):
+            before = whole.ring.spent
+            try:
+                if critical.is_hyperbolic and critical.is_in_domain:
+                    found.append(SmallParameter.of(critical, chosen))
+            except BudgetError:
+                large.append(chosen)
+            count((whole.ring.spent - before) // PRODUCTS)
+    return found
 
 
 def _subsets(free: Sequence[sp.Symbol], forced: Sequence[sp.Symbol]) -> Iterator[tuple[sp.Symbol, ...]]:

@@ -187,9 +187,10 @@ def coefficients_in(polynomial: Polynomial, v: int) -> dict[int, Polynomial]:
 def leading(polynomial: Polynomial, v: int) -> Polynomial:
     """The coefficient of the highest power of generator `v`."""
     degree = polynomial.degrees()[v]
-    if degree == 1:
-        return polynomial.derivative(v)
-    return coefficients_in(polynomial, v)[degree]
+    # The d-th derivative has d! times the leading coefficient, and nothing of lower powers.
+    for k in range(degree):
+        polynomial = polynomial.derivative(v) / (k + 1)
+    return polynomial
 
 
 def pseudo_remainder(polynomial: Polynomial, divisor: Polynomial, v: int) -> tuple[Polynomial, Polynomial]:

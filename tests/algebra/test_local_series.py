@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp.algebra.algebraic_numbers import NumberField
 from gsp.algebra.functions import RULES
-from gsp.algebra.local_series import LocalRing, LocalSeries
+from gsp.algebra.local_series import BITS, LocalRing, LocalSeries
 from gsp.algebra.ring import read
 from gsp.errors import HyperbolicityError
 
@@ -97,3 +97,16 @@ def test_a_variable_is_replaced_by_a_series() -> None:
 def test_there_is_no_series_where_the_function_is_not_smooth(expression: sp.Expr) -> None:
     with pytest.raises(HyperbolicityError):
         series(expression, {x: 0, y: 0}, LocalRing(2, DEGREE))
+
+
+def test_numbers_that_are_not_exact_stay_as_short_as_they_are_known() -> None:
+    # Fractions would double their length with each square.
+    ring = LocalRing(1, 2)
+    power = series(sp.exp(sp.Rational(-1, 3)) + x / 3, {x: 0}, ring)
+    assert not ring.is_exact
+    for _ in range(6):
+        power = power * power
+    top = flint.fmpq(power[0].leading_coefficient())
+    assert max(int(top.p).bit_length(), int(top.q).bit_length()) <= 2 * BITS
+    exact = sp.exp(sp.Rational(-64, 3))
+    assert abs(sp.N(sp.Rational(int(top.p), int(top.q)) / exact - 1, 40)) < 1e-60

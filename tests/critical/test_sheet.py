@@ -279,6 +279,21 @@ def test_a_sheet_in_two_fast_variables_is_the_same_in_disguise() -> None:
     assert (np.abs(sheet["a"]) <= 1).all()
 
 
+def test_a_sheet_in_four_fast_variables_is_a_disc_with_the_folds_of_one() -> None:
+    # Behind the cusp three directions contract, each onto a bent graph.
+    g = (y**3 + a * y + b, y**2 - y1, a * y - y2, y1 - w)
+    sheet = critical_sheet(
+        over(g, (y, y1, y2, w)), start={"a": -1, "b": 0, "y": 1, "y1": 1, "y2": -1, "w": 1},
+        bounds=BOX | {"y1": (-1, 5), "y2": (-3, 3), "w": (-1, 5)}, resolution=6,
+    )  # fmt: skip
+    assert sheet.status is Status.COMPLETE
+    assert euler(sheet) == 1
+    assert sheet.residual < 1e-12
+    assert np.abs(discriminant(sheet)[sheet.on_fold]).max() < 1e-10
+    assert np.abs(sheet["y1"] - sheet["y"] ** 2).max() < 1e-10
+    assert set(sheet.triangle_unstable.tolist()) == {0, 1}
+
+
 def test_a_sheet_over_a_slow_variable_and_a_parameter() -> None:
     system = SlowFastSystem(
         slow={w: v}, fast={v: v - v**3 / 3 - w + current}, epsilon=eps, parameters={current: 0}

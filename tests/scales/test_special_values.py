@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 
 from gsp.algebra.elimination_over_rationals import generic_point
-from gsp.errors import DeclarationError, Status
-from gsp.scales import special_values
+from gsp.errors import BudgetError, DeclarationError, Status
+from gsp.scales import small_parameter, special_values
 from gsp.scales.special_values import small_parameters
 from tests.scales.fields import (
     H,
@@ -140,6 +140,44 @@ def test_the_work_is_bounded_and_what_was_found_is_given(monkeypatch) -> None:
     assert "of 63 choices" in found.message
     whole = small_parameters(michaelis_menten())
     assert whole.status is Status.TOO_MANY_STEPS or len(whole) == 15
+
+
+def test_a_piece_beyond_the_exact_algebra_ends_no_search(monkeypatch) -> None:
+    whole = small_parameters(rosenzweig_macarthur())
+    monkeypatch.setattr(special_values, "SHARE", 3e-7)
+    found = small_parameters(rosenzweig_macarthur())
+    assert found.status is Status.SUCCESS
+    assert found.message.startswith("63 of 63 choices")
+    assert "left out, whose linear part takes more terms than the exact algebra forms" in found.message
+    # What is there is what the whole search finds.
+    every = {(each.vanishing, each.manifold) for each in whole}
+    assert 0 < len(found) < len(whole)
+    assert {(each.vanishing, each.manifold) for each in found} < every
+
+
+def test_a_verdict_or_reduction_beyond_the_exact_algebra_is_told_as_such(monkeypatch) -> None:
+    found = small_parameters(mutualism(), kept=["k1", "k2", "k3"], dimensions=[1])
+    assert all(each.is_within_reach for each in found)
+    monkeypatch.setattr(small_parameter, "SHARE", 1e-6)
+    again = small_parameters(mutualism(), kept=["k1", "k2", "k3"], dimensions=[1])
+    beyond = [each for each in again if not each.is_within_reach]
+    assert beyond
+    assert len(beyond) < len(again)
+    for each in beyond:
+        with pytest.raises(BudgetError):
+            each.reduced  # noqa: B018
+    assert all(each.attracts in (None, before.attracts) for each, before in zip(again, found))
+
+
+def test_the_simplest_have_every_manifold_with_the_fewest_vanishing_parameters() -> None:
+    found = small_parameters(rosenzweig_macarthur())
+    simplest = found.simplest()
+    assert len(simplest) < len(found)
+    for each in found:
+        same = [s for s in simplest if set(s.manifold) == set(each.manifold)]
+        assert any(set(s.vanishing) <= set(each.vanishing) for s in same)
+    for one, other in itertools.permutations(simplest, 2):
+        assert set(one.manifold) != set(other.manifold) or not set(one.vanishing) <= set(other.vanishing)
 
 
 @pytest.mark.exhaustive

@@ -93,7 +93,7 @@ def critical_sheet(
     bounds: Bounds,
     parameter: sp.Symbol | str | None = None,
     free: tuple[sp.Symbol | str, ...] | None = None,
-    resolution: int = 32,
+    resolution: int | None = None,
     max_points: int = 200_000,
     tolerance: float = 1e-10,
     progress: Callable[[float], None] | None = None,
@@ -101,7 +101,8 @@ def critical_sheet(
     """The sheet of M0 through `start` over two free variables, within `bounds`, triangulated.
 
     The free variables are both slow ones, the two named in `free`, or a slow one and `parameter`; each has
-    bounds, cut into `resolution` cubes. Fast variables may be bounded too; where they are not, their size at the
+    bounds, cut into `resolution` cubes: 32 by default, and 16 where three or four fast variables put five to ten
+    times as many triangles into each. Fast variables may be bounded too; where they are not, their size at the
     start sets the size of a cube. Vertices are corrected onto M0; parts of M0 that are thinner than a cube, or not
     connected to the start within the bounds, are not found.
 
@@ -122,6 +123,8 @@ def critical_sheet(
             "Continue curves with continue_critical, one for each value of a slow variable.",
             got=len(system.y),
         )
+    if resolution is None:
+        resolution = 32 if len(system.y) <= 2 else 16
     check_whole(resolution, what="resolution", least=2, most=10**6, be="a whole number of at least 2")
     check_progress(progress)
     controls = check_controls(0.01, 0.04, max_points, tolerance)

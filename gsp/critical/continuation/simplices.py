@@ -175,12 +175,20 @@ def _crossings(
     usual = np.median(sizes, axis=0)
     size = np.where(usual > 0.0, usual, sizes.max(axis=0))
     values = values - SHIFT * size * np.sqrt(np.arange(2, n + 2))
-    on_faces = values[:, table.faces, :]
+    # A face is crossed only where every component has both signs at its corners: one in hundreds for four of them.
+    signs = ((values > 0.0) << np.arange(n)).sum(axis=2).astype(np.uint8)[:, table.faces]
+    both = np.bitwise_or.reduce(signs, axis=2) & ~np.bitwise_and.reduce(signs, axis=2)
+    cell, face = np.nonzero((both == 2**n - 1) & finite[:, None])
+    on_faces = values[cell[:, None], table.faces[face]]
     # Cramer's rule for sum w = 1, sum w F = 0.
-    minors = np.stack([(-1) ** i * np.linalg.det(np.delete(on_faces, i, axis=2)) for i in range(n + 1)], axis=2)
-    active = ((minors > 0.0).all(axis=2) | (minors < 0.0).all(axis=2)) & finite[:, None]
-    total = minors.sum(axis=2, keepdims=True)
-    return active, minors / np.where(active[:, :, None], total, 1.0), int((~finite).sum())
+    minors = np.stack([(-1) ** i * np.linalg.det(np.delete(on_faces, i, axis=1)) for i in range(n + 1)], axis=1)
+    crossed = (minors > 0.0).all(axis=1) | (minors < 0.0).all(axis=1)
+    cell, face, minors = cell[crossed], face[crossed], minors[crossed]
+    active = np.zeros((len(cells), len(table.faces)), dtype=bool)
+    weights = np.zeros((*active.shape, n + 1))
+    active[cell, face] = True
+    weights[cell, face] = minors / minors.sum(axis=1, keepdims=True)
+    return active, weights, int((~finite).sum())
 
 
 def _assembled(
