@@ -111,6 +111,14 @@ def _with_leading_sign(vector: list[sp.Expr]) -> list[sp.Expr]:
     return [-v for v in vector] if leading.could_extract_minus_sign() else vector
 
 
+def _in_fewest_digits(vector: list[sp.Expr]) -> list[sp.Expr]:
+    """The vector, or where that has fewer digits its multiple whose largest entry is 1: s + c/2 for 2000 s + 1000 c."""
+    if not all(entry.is_Rational for entry in vector):
+        return vector
+    largest = max(vector, key=abs)
+    return min(vector, [entry / largest for entry in vector], key=lambda given: len("".join(map(str, given))))
+
+
 def nonnegative_basis(vectors: list[list[sp.Expr]]) -> list[list[sp.Expr]]:
     """A basis of the same space without negative entries, of the shortest vectors, where there is one; else `vectors`.
 
@@ -168,7 +176,7 @@ def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[s
     relations = linear_relations(direction, states)
     if relations is None:
         return []
-    vectors = nonnegative_basis(relations)
+    vectors = [_in_fewest_digits(vector) for vector in nonnegative_basis(relations)]
     held = [[i for i, c in enumerate(vector) if c != 0] for vector in vectors]
     integrals = [sp.Add(*[vector[i] * states[i] for i in places]) for vector, places in zip(vectors, held)]
     # Single states first, then in the order of the first state they contain.

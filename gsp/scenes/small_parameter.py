@@ -269,8 +269,7 @@ def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
             atol=absolute_tolerance(RTOL, region, scene.full_start),
         )
         for name in missing:
-            values = run[name][np.isfinite(run[name])]
-            low, high = float(values.min()), float(values.max())
+            low, high = (sign * _largest(run, name, sign) for sign in (-1.0, 1.0))
             size = max(abs(low), abs(high))
             # What keeps to the tolerance stays within.
             margin = scene.tolerance * size if high - low > RTOL * size else 1.0 + size
@@ -279,6 +278,21 @@ def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
             if name in missing:
                 region[name] = max(region[name][0], 0.0), region[name][1]
     return region
+
+
+def _largest(run: Trajectory, name: str, sign: float) -> float:
+    """The largest value of `sign` times a state over the run, also where it turns within a step."""
+    steps = np.arange(len(run.t))
+    times = np.interp(np.linspace(0.0, steps[-1], 8 * steps[-1] + 1), steps, run.t)
+    largest = -np.inf
+    # About the largest value so far, eight times as finely each time.
+    for _ in range(4):
+        values = sign * run.sample(times)[name]
+        values = np.where(np.isfinite(values), values, -np.inf)
+        at = int(np.argmax(values))
+        largest = max(largest, float(values[at]))
+        times = np.linspace(times[max(at - 1, 0)], times[min(at + 1, len(times) - 1)], 17)
+    return largest
 
 
 def _rounded_outwards(low: float, high: float, accuracy: float) -> Interval:

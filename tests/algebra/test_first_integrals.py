@@ -132,3 +132,27 @@ def test_an_integrand_is_tried_once_whatever_stands_before_it() -> None:
     assert integrals._antiderivative(integrand / (10 * x), y) is None
     assert integrals._by_rules.cache_info().misses == 1
     assert integrals._antiderivative(3 * a * sp.cos(a * y), y) == 3 * sp.sin(a * y)
+
+
+@pytest.mark.parametrize(
+    ("combination", "shown"),
+    [
+        ((1, 1), (1, 1)),
+        ((2, 3), (2, 3)),
+        ((sp.Rational(1, 2), 1), (1, 2)),
+        ((1, sp.Rational(473, 954), sp.Rational(500, 999)), (1, sp.Rational(473, 954), sp.Rational(500, 999))),
+    ],
+)
+def test_a_linear_integral_is_written_in_the_fewest_digits(combination: tuple, shown: tuple) -> None:
+    states = sp.symbols(f"z0:{len(combination)}")
+    # The layer moves along what the combination does not see.
+    last, rate = combination[-1], 1 + states[0] ** 2
+    layer = [rate * last] + [rate * (k + 2) * last for k in range(1, len(states) - 1)]
+    layer.append(-sum((c * part for c, part in zip(combination, layer)), sp.S.Zero) / last)
+    found = first_integrals([sp.expand(e) for e in layer], states, count=len(states) - 1)
+    wanted = sum(c * z for c, z in zip(shown, states))
+    if len(states) == 2:
+        assert found == [wanted]
+    total = max(found, key=lambda e: len(e.free_symbols))
+    assert sum(len(str(sp.sympify(c))) for c in sp.Poly(total, *states).coeffs()) <= 8 * len(states)
+    assert all(sp.expand(sum(sp.diff(e, z) * g for z, g in zip(states, layer))) == 0 for e in found)

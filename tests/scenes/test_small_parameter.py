@@ -72,6 +72,18 @@ def test_bounds_of_slow_states_are_those_of_the_run(motor: gsp.Scene) -> None:
     assert region["w"] == pytest.approx((-margin, most + margin), rel=1e-4)
 
 
+def test_bounds_found_by_a_run_hold_what_it_turns_at_within_a_step() -> None:
+    # x rises to its largest value, exp(-1)/k, and falls, in few steps; y follows it.
+    x, u, y, k, tau = sp.symbols("x u y k tau")
+    field = gsp.VectorField(
+        {u: -k * u, x: u - k * x, y: (x - y) / tau}, parameters={k: 1, tau: sp.Rational(1, 1000)}, epsilon=None
+    )
+    scene = gsp.Scene(field, region={}, start={"u": 1, "x": 0, "y": 0}, span=(0, 40), tolerance=1e-6)
+    low, high = take_fast(scene, variables=["y"]).region["x"]
+    assert low <= 0.0
+    assert np.exp(-1.0) * (1.0 + 0.5e-6) <= high <= np.exp(-1.0) * (1.0 + 2e-6)
+
+
 def test_bounds_found_by_a_run_have_no_more_digits_than_it_tells(motor: gsp.Scene) -> None:
     rough = replace(motor, tolerance=0.01)
     most = gsp.integrate(motor)["w"].max()
