@@ -15,7 +15,7 @@ from gsp.algebra.differentiation import jacobian
 from gsp.algebra.elimination_over_rationals import generic_point, independent_rows, numbers_at
 from gsp.algebra.laurent import laurent, pole_order
 from gsp.errors import DeclarationError, SplittingError
-from gsp.integration.trajectory import trajectory_of
+from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import LADDER, TIME, Scene
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.scenes.view import View
