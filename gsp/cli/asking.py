@@ -84,7 +84,7 @@ def asks(*names: str, by_two: bool = False, looks: bool = False, tells: bool = F
                 scene = scene_with_options(load_scene(model), settings, None, intervals, start)
                 scene = taken(scene, small, fast)
                 with compiling_told():
-                    found = found_small(scene) if looks and not scene.has_small else None
+                    found = found_small(scene, needed=not tells) if looks and not scene.has_small else None
                     if found is not None and found.taken is not None:
                         scene = found.taken.scene
                     if tells:
@@ -111,8 +111,8 @@ def _tell_scaling(scene: Scene) -> None:
         tell_notes([f"the pole in {mu} is of higher order, and simple in scaled variables: {scaling}"])
 
 
-def found_small(scene: Scene) -> Reductions:
-    """What was found to be fast in a scene, of which one is taken; the table and the reason are told."""
+def found_small(scene: Scene, *, needed: bool) -> Reductions:
+    """What was found to be fast in a scene; the table and the reason are told, and one is taken where it is needed."""
     from gsp.reductions.reductions import find_reductions
 
     with progress_bar("what is fast") as show:
@@ -120,7 +120,7 @@ def found_small(scene: Scene) -> Reductions:
     check_interrupt()
     with suppress(OSError):
         click.echo(printable(str(found)), err=True)
-    if found.taken is None:
+    if needed and found.taken is None:
         raise GspError(
             f"nothing in {scene.name or 'the model'} is seen to be fast, so that there is nothing to go on with.",
             "Name it: --small NAME for a parameter, --fast NAME,... for variables.",

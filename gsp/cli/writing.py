@@ -16,6 +16,7 @@ from gsp.exports import TARGETS
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
+    from gsp.averaging.averaging import Averaging
     from gsp.reductions.reductions import Reductions
     from gsp.scenes.scene import Scene
 
@@ -39,15 +40,21 @@ def report(
     """Analyse MODEL and write a report: report.html, report.json, the figures, and report.toml.
 
     report.toml is the model with the options given here. If the model does not say what is small, the report begins
-    with its time scales and says which variables can be eliminated. A model with a fast phase is averaged, and the
-    report describes the average.
+    with its time scales and says which variables can be eliminated. If none can, it says so, with the model's run and
+    its ramps. A model with a fast phase is averaged, and the report describes the average.
     """
     from gsp.analysis.analysis import STAGES, analyse
     from gsp.report import check_folder, write_report
 
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
     if scene.phase is not None:
-        _averaged_report(scene, folder, order, opened, as_json, latex=latex)
+        from gsp.averaging.averaging import average
+
+        check_folder(folder)
+        _short_report(average(scene, order=order), folder, opened, as_json, latex=latex)
+        return
+    if reductions is not None and reductions.taken is None:
+        _short_report(reductions, folder, opened, as_json, latex=latex)
         return
     with progress_bar("") as show:
         check_folder(folder)
@@ -89,22 +96,22 @@ def report(
     _show(page, opened, as_json)
 
 
-def _averaged_report(
-    scene: Scene, folder: Path, order: int, opened: bool, as_json: bool, *, latex: bool
+def _short_report(
+    found: Averaging | Reductions, folder: Path, opened: bool, as_json: bool, *, latex: bool
 ) -> None:
-    """The report of a scene with a fast phase, which is averaged."""
-    from gsp.averaging.averaging import average
-    from gsp.report import check_folder, write_report
+    """The report of a scene with a fast phase, which is averaged, or of one in which nothing is fast."""
+    from gsp.averaging.averaging import Averaging
+    from gsp.report import write_report
 
-    check_folder(folder)
-    found = average(scene, order=order)
-    with progress_bar("runs") as show:
+    with progress_bar("report") as show:
         page = write_report(found, folder, latex=latex, progress=show)
         wrote(folder)
     if as_json:
         print_json(json.loads((page.parent / "report.json").read_text(encoding="utf-8")))
     else:
-        tell(found)
+        # What was looked for is told already.
+        if isinstance(found, Averaging):
+            tell(found)
         click.echo(f"report: {page}")
     _show(page, opened, as_json)
 

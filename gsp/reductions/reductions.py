@@ -416,7 +416,11 @@ def _reason(scene: Scene, recommended: Reduction | None, nearest: Reduction | No
             f"Do not reduce: no candidate stays within the tolerance {scene.tolerance:g} {over}. The nearest is the "
             f"{nearest.name}, whose error is {nearest.error:.2g} to order 0."
         )
-    widest = float(gaps.max(initial=0.0))
+    if not gaps.size:
+        return "Do not reduce: there is one state only."
+    widest = float(gaps.max())
+    if widest == 0.0:
+        return f"Do not reduce: no mode decays ahead of the others {over}."
     if widest < _needed(LARGEST):
         return (
             f"Do not reduce: nothing is separated {over}. Where modes decay the next is at most {widest:.1f} times as "

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 import sympy as sp
 from markupsafe import Markup
@@ -15,9 +12,9 @@ from gsp.averaging.averaging import Averaging
 from gsp.comparison.averaged import compare_averaged
 from gsp.comparison.comparison import Comparison
 from gsp.errors import DeclarationError
-from gsp.report.page import environment_of_pages
+from gsp.report.page import ShortReport, environment_of_pages, short_figures
 from gsp.report.setting import Setting
-from gsp.report.wording import fitted, number, words
+from gsp.report.wording import fitted, number
 from gsp.results.attempts import Missing, attempt
 from gsp.results.equations import OPERATIONS
 from gsp.results.mathml import dotted, row
@@ -29,16 +26,7 @@ CAPTIONS = {
 }
 
 
-@dataclass(frozen=True)
-class AveragedReport:
-    """The page, what report.json holds, and the figures that could be drawn, PNG files by name."""
-
-    page: str
-    content: dict[str, Any]
-    figures: Mapping[str, bytes]
-
-
-def averaged_report(found: Averaging, progress: Callable[[float], object]) -> AveragedReport:
+def averaged_report(found: Averaging, progress: Callable[[float], object]) -> ShortReport:
     """The report of an averaging of a scene, measured; raises `DeclarationError` for one of no scene."""
     scene = found.scene
     if scene is None:
@@ -55,7 +43,6 @@ def averaged_report(found: Averaging, progress: Callable[[float], object]) -> Av
         ),
     }
     progress(0.9)
-    lost = {f"{name}.png": made.reason for name, made in pictures.items() if isinstance(made, Missing)}
     content = {
         "name": scene.name,
         "title": scene.title,
@@ -64,11 +51,8 @@ def averaged_report(found: Averaging, progress: Callable[[float], object]) -> Av
         "epsilon": scene.epsilon,
         "averaging": found.as_dict(),
         "comparison": measured.as_json(),
-        "figures": [f"{name}.png" for name in pictures if f"{name}.png" not in lost],
-        "missing": lost,
     }
-    figures = {name: made for name, made in pictures.items() if not isinstance(made, Missing)}
-    return AveragedReport(_page(found, scene, measured, pictures), content, figures)
+    return ShortReport(_page(found, scene, measured, pictures), content, pictures)
 
 
 def answer(scene: Scene, measured: Comparison) -> tuple[str, Markup]:
@@ -140,14 +124,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
                 }
                 for left, k, e in rows
             ],
-            figures={name: _figure(name, picture, i + 1) for i, (name, picture) in enumerate(pictures.items())},
+            figures=short_figures(pictures, CAPTIONS),
+            panel=None,
         )
     )
-
-
-def _figure(name: str, picture: bytes | Missing, count: int) -> dict[str, Any]:
-    if isinstance(picture, Missing):
-        return {"reason": words(picture.reason)}
-    data = base64.b64encode(picture).decode()
-    source = Markup("data:image/png;base64,{}").format(data)
-    return {"reason": None, "source": source, "number": count, "caption": CAPTIONS[name]}

@@ -266,7 +266,7 @@ def _the_same(text: str) -> Callable[[Analysis, Typesetter], Markup]:
     return lambda analysis, setter: Markup(text)
 
 
-_time_scales = _the_same(
+TIME_SCALES = (
     "Time scales 1/|<i>λ</i>| of the modes of the Jacobian along the full run, from the first step on. Exhausted "
     "modes, which have decayed, are blue. The gap to the next mode is shaded."
 )
@@ -274,7 +274,7 @@ _no_slip = _the_same(
     "The force that each contact must carry along the run without slip, divided by the largest force that its friction "
     "can carry. The contact sticks below 1 (dashed), and lets go at 1."
 )
-_ramp = _the_same(
+RAMP = (
     "A state along the first ramp that has a critical rate, at this rate and on both sides of it. At the critical rate "
     "it ends in the edge state. Time is 0 half way along the ramp."
 )
@@ -289,10 +289,10 @@ _passage = _the_same(
 
 # Every name that a figure of a report may have, but for views; files of other names in its folder are never touched.
 CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
-    "time_scales": _time_scales,
+    "time_scales": _the_same(TIME_SCALES),
     "phenomenon": _phenomenon,
     "no_slip": _no_slip,
-    "ramp": _ramp,
+    "ramp": _the_same(RAMP),
     "phase_portrait": _phase_portrait,
     "path": _path,
     "convergence": _convergence,

@@ -52,7 +52,7 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "comparison": lambda: analysis.comparison.as_json(),
         "choice": lambda: analysis.choice.as_json(),
         "no_slip": lambda: no_slip_as_json(analysis),
-        "ramps": lambda: ramps_as_json(analysis),
+        "ramps": lambda: ramps_as_json(scene),
         "failures": lambda: _failures(analysis),
         "boundary": lambda: _boundary(analysis),
         "parameters": lambda: {s.name: float(value) for s, value in system.parameters.items()},

@@ -27,10 +27,12 @@ from gsp.report.averaged import averaged_report
 from gsp.report.captions import CAPTIONS
 from gsp.report.content import as_json
 from gsp.report.manuscript import BIB, TEX, manuscript
-from gsp.report.page import render
+from gsp.report.page import ShortReport, render
 from gsp.report.three_scales import ThreeScales
+from gsp.report.unreduced import unreduced_report
 from gsp.results.attempts import Missing, attempt
 from gsp.results.interrupts import undisturbed
+from gsp.scenes.scene import Scene
 from gsp.systems.arguments import check_flag, check_noun, check_progress, shown
 
 HTML, JSON, MODEL = "report.html", "report.json", "report.toml"
@@ -38,7 +40,7 @@ _OF_A_VIEW = re.compile(r"view_[A-Za-z0-9][A-Za-z0-9_-]{0,63}\.(png|pdf)")
 
 
 def write_report(
-    analysis: Analysis | Averaging,
+    analysis: Analysis | Averaging | Reductions,
     folder: str | Path,
     *,
     reductions: Reductions | None = None,
@@ -52,14 +54,15 @@ def write_report(
     With `latex` a manuscript is written too: report.tex, report.bib and the figures as PDF, which
     `latexmk -pdf report.tex` compiles; all its numbers are in report.json.
 
-    Of an `Averaging` of a scene with a fast phase the page has the averaged field and its measured errors.
+    Of an `Averaging` of a scene with a fast phase the page has the averaged field and its measured errors. Of
+    `Reductions` of which none is taken it has the model's time scales, why it is not reduced, its run and its ramps.
 
     The folder is made when it is missing; other files in it stay. `progress(share)` is called as the work goes
     on. A figure or a section that cannot be made is left out, with its reason in its place. Raises `OutputError`
     when the folder cannot be written; then, and when it is interrupted, an older report is intact and nothing new
     is left.
     """
-    check_noun(analysis, (Analysis, Averaging), verb="write_report")
+    check_noun(analysis, (Analysis, Averaging, Reductions), verb="write_report")
     check_progress(progress)
     latex = check_flag(latex, what="latex")
     if reductions is not None:
@@ -67,14 +70,16 @@ def write_report(
     target = check_folder(folder)
     show_progress = progress or (lambda share: None)
     show_progress(0.0)
-    if isinstance(analysis, Averaging):
-        if latex:
-            raise DeclarationError(
-                "a report of an averaging is a page, and has no manuscript.", "Leave latex out."
-            )
-        files = _averaged(analysis, show_progress)
-    else:
+    if isinstance(analysis, Analysis):
         files = _analysed(analysis, reductions, latex, show_progress)
+    elif latex:
+        raise DeclarationError("a report of no analysis is a page, and has no manuscript.", "Leave latex out.")
+    elif isinstance(analysis, Averaging):
+        report = averaged_report(analysis, show_progress)
+        assert analysis.scene is not None
+        files = _short(report, analysis.scene)
+    else:
+        files = _short(unreduced_report(analysis, show_progress), analysis.scene)
     show_progress(0.95)
     try:
         # All or nothing: what Ctrl-C would stop from here on is done in milliseconds.
@@ -86,18 +91,15 @@ def write_report(
     return target / HTML
 
 
-def _averaged(averaging: Averaging, show_progress: Callable[[float], object]) -> dict[str, bytes]:
-    """The files of a report of an averaging, the page last."""
-    made = averaged_report(averaging, show_progress)
-    files = {f"{name}.png": picture for name, picture in made.figures.items()}
-    scene = averaging.scene
-    assert scene is not None
+def _short(report: ShortReport, scene: Scene) -> dict[str, bytes]:
+    """The files of a report without an analysis, the page last."""
+    content, files = report.as_json(), dict(report.made)
     model = attempt("the model file", lambda: as_toml(scene))
     if isinstance(model, Missing):
-        made.content["missing"][MODEL] = model.reason
+        content["missing"][MODEL] = model.reason
     else:
         files[MODEL] = model.encode()
-    return {**files, JSON: _text(made.content), HTML: made.page.encode()}
+    return {**files, JSON: _text(content), HTML: report.page.encode()}
 
 
 def _text(content: dict) -> bytes:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -62,6 +63,43 @@ def render(
             versions=analysis.versions,
         )
     )
+
+
+@dataclass(frozen=True)
+class ShortReport:
+    """The page of a report of something else than an analysis, what report.json holds, and its figures.
+
+    `pictures` are PNG files by name, or why there is none.
+    """
+
+    page: str
+    content: dict[str, Any]
+    pictures: Mapping[str, bytes | Missing]
+
+    @property
+    def made(self) -> dict[str, bytes]:
+        """The pictures that could be drawn, by the names of their files."""
+        return {f"{name}.png": each for name, each in self.pictures.items() if not isinstance(each, Missing)}
+
+    def as_json(self) -> dict[str, Any]:
+        """What report.json holds, with the names of the figures, and why others are missing."""
+        lost = {f"{k}.png": each.reason for k, each in self.pictures.items() if isinstance(each, Missing)}
+        return self.content | {"figures": list(self.made), "missing": lost}
+
+
+def short_figures(
+    pictures: Mapping[str, bytes | Missing], captions: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    """Values for the template's figures, each with its caption, or why there is none."""
+    figures: dict[str, dict[str, Any]] = {}
+    for count, (name, picture) in enumerate(pictures.items(), 1):
+        if isinstance(picture, Missing):
+            figures[name] = {"reason": words(picture.reason)}
+            continue
+        source = Markup("data:image/png;base64,{}").format(base64.b64encode(picture).decode())
+        caption = Markup(captions[name])
+        figures[name] = {"reason": None, "source": source, "number": count, "caption": caption, "code": None}
+    return figures
 
 
 def environment_of_pages() -> Environment:

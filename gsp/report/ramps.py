@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from gsp.analysis.analysis import Analysis
 from gsp.analysis.ramp_answers import ramp_answers
 from gsp.report.wording import number, words
+from gsp.scenes.scene import Scene
 from gsp.singular.ramps.critical_rate import CriticalRate
 
 
-def ramps(analysis: Analysis) -> list[dict[str, Any]]:
+def ramps(scene: Scene) -> list[dict[str, Any]]:
     """A row for each ramp: its name, what it does, the verdict, and the critical rates with their errors."""
     rows = []
-    for name, answer in ramp_answers(analysis.scene).items():
+    for name, answer in ramp_answers(scene).items():
         told = isinstance(answer, CriticalRate)
         rows.append(
             {
                 "name": name,
-                "ramp": str(analysis.scene.ramps[name].ramp),
+                "ramp": str(scene.ramps[name].ramp),
                 "verdict": str(answer.verdict) if told else "not told",
                 "rates": ", ".join(number(rate, 6) for rate in answer.rates) if told else "",
                 "why": words(answer.message if told else str(answer)),
@@ -27,7 +27,7 @@ def ramps(analysis: Analysis) -> list[dict[str, Any]]:
     return rows
 
 
-def ramps_as_json(analysis: Analysis) -> dict[str, Any]:
+def ramps_as_json(scene: Scene) -> dict[str, Any]:
     """The same in plain values, by name."""
     return {
         name: {
@@ -40,5 +40,5 @@ def ramps_as_json(analysis: Analysis) -> dict[str, Any]:
         }
         if isinstance(answer, CriticalRate)
         else {"reason": str(answer)}
-        for name, answer in ramp_answers(analysis.scene).items()
+        for name, answer in ramp_answers(scene).items()
     }

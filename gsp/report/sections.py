@@ -68,7 +68,7 @@ class Page(Setting):
         return no_slip(self.analysis)
 
     def ramps(self) -> list[dict[str, Any]]:
-        return ramps(self.analysis)
+        return ramps(self.analysis.scene)
 
     def failures(self) -> dict[str, Any]:
         return failures(self.analysis, self.set)

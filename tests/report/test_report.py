@@ -430,7 +430,9 @@ def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(written):
 
 
 def test_what_is_reported_is_an_analysis(tmp_path) -> None:
-    with pytest.raises(DeclarationError, match=r"write_report takes an Analysis or an Averaging\. Got None"):
+    with pytest.raises(
+        DeclarationError, match=r"write_report takes an Analysis, an Averaging or a Reductions\. Got None"
+    ):
         write_report(None, tmp_path / "out")
 
 
