@@ -18,6 +18,7 @@ from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.reductions.fast_directions import fast_directions
 from gsp.reductions.fast_parts import FastPart, fast_parts
+from gsp.reductions.reduction import Reduction
 from gsp.reductions.screening import defect
 from gsp.reductions.special_parts import SpecialPart, special_parts, with_errors
 from gsp.results.card import Card
@@ -34,7 +35,6 @@ from gsp.scenes.small_parameter import (
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.arguments import check_noun, check_progress
-from gsp.systems.region import Interval
 from gsp.systems.system import VectorField
 
 # Orders of the reduced flows that are measured, those of `choose`: the reduction, and its corrections.
@@ -45,45 +45,6 @@ LARGEST = 0.1
 RTOL = 1e-10
 # Candidates that are measured: those that the run stays nearest to.
 MEASURED = 6
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Reduction(Card):
-    """One candidate, measured: `scene` has its small parameter, `error` is that of the reduced flow of `order`.
-
-    The error is the largest of a slow variable over `measured`, the span behind the initial layer, relative to the
-    largest value of the variable, of the reduced flow from the base point of the start, against the full run from the
-    start. `seconds` are those of a run, and `full_seconds` of one of the full system, measured together. `why_not` says
-    why it does not serve.
-    """
-
-    name: str
-    scene: Scene
-    order: int
-    error: float
-    measured: Interval
-    full_seconds: float
-    candidate: Candidate
-    why_not: str
-
-    @property
-    def seconds(self) -> float:
-        """Those of a run over the span."""
-        return self.candidate.seconds
-
-    def as_dict(self) -> dict[str, object]:
-        """Its name, order, error, cost and why it does not serve, as plain values."""
-        return {
-            "name": self.name,
-            "order": self.order,
-            "error": self.error if np.isfinite(self.error) else None,
-            "seconds": self.seconds,
-            "full_seconds": self.full_seconds,
-            "why_not": self.why_not,
-        }
-
-    def __repr__(self) -> str:
-        return f"Reduction({self.name}, order {self.order}: error {self.error:.2g})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,0 +1,51 @@
+"""`Reduction`: one way of leaving something out of a scene, measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsp.choice.candidates import Candidate
+from gsp.results.card import Card
+from gsp.scenes.scene import Scene
+from gsp.systems.region import Interval
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reduction(Card):
+    """One candidate, measured: `scene` has its small parameter, `error` is that of the reduced flow of `order`.
+
+    The error is the largest of a slow variable over `measured`, the span behind the initial layer, relative to the
+    largest value of the variable, of the reduced flow from the base point of the start, against the full run from the
+    start. `seconds` are those of a run, and `full_seconds` of one of the full system, measured together. `why_not` says
+    why it does not serve.
+    """
+
+    name: str
+    scene: Scene
+    order: int
+    error: float
+    measured: Interval
+    full_seconds: float
+    candidate: Candidate
+    why_not: str
+
+    @property
+    def seconds(self) -> float:
+        """Those of a run over the span."""
+        return self.candidate.seconds
+
+    def as_dict(self) -> dict[str, object]:
+        """Its name, order, error, cost and why it does not serve, as plain values."""
+        return {
+            "name": self.name,
+            "order": self.order,
+            "error": self.error if np.isfinite(self.error) else None,
+            "seconds": self.seconds,
+            "full_seconds": self.full_seconds,
+            "why_not": self.why_not,
+        }
+
+    def __repr__(self) -> str:
+        return f"Reduction({self.name}, order {self.order}: error {self.error:.2g})"
