@@ -15,21 +15,24 @@ from gsp.reductions.fast_parts import FastPart
 from gsp.systems.system import VectorField
 
 
-def fast_directions(field: VectorField, place: np.ndarray, ratio: float) -> list[FastPart]:
-    """The part of the field along the fast subspace of its Jacobian at `place`, at the widest gap between its rates.
+def fast_directions(field: VectorField, place: np.ndarray, ratio: float, *, most: int) -> list[FastPart]:
+    """The part of the field along the fast subspace of its Jacobian at `place`, at the widest gap between its rates
+    that leaves `most` fast directions at most.
 
     N are the fast directions, reduced to rows of the unit matrix, and f the components of the field along them; none
     where the fast rates do not decay, the gap is less than `ratio`, or variables are fast by themselves.
     """
     n = len(field.states)
     matrix = compile_flow(field).jacobians(place[None, :], parameter_vector(field, None))[0]
-    if not np.isfinite(matrix).all() or n < 2:
+    if not np.isfinite(matrix).all() or most < 1:
         return []
     rates = np.sort(np.linalg.eigvals(matrix).real)
     decays = rates < 0.0
     if not decays[0]:
         return []
-    gaps = [rates[k] / rates[k + 1] if decays[k + 1] else np.inf for k in range(n - 1) if decays[k]]
+    gaps = [rates[k] / rates[k + 1] if decays[k + 1] else np.inf for k in range(most) if decays[k]]
+    if not gaps:
+        return []
     count = int(np.argmax(gaps)) + 1
     if gaps[count - 1] < ratio:
         return []

@@ -166,7 +166,8 @@ def find_reductions(
     measure(part for _, part in ranked[:MEASURED])
     if _nearest(found) is None:
         # Nothing that has a name is separated: combinations of states may be.
-        unnamed = fast_directions(field, run.y[:, -1], 1.0 / LARGEST)
+        most = len(field.states) - len(scales.conserved) - 1
+        unnamed = fast_directions(field, run.y[:, -1], 1.0 / LARGEST, most=most)
         measure(part for _, part in _screened(plain, run, gaps, unnamed))
     is_separated = gaps >= _needed(LARGEST)
     special = with_errors(plain, run, special_parts(field, lambda count: bool(is_separated[count - 1])))
@@ -201,7 +202,10 @@ def _gaps(scales: TimeScales) -> np.ndarray:
     fastest, next_one = scales.times[:, :-1], np.minimum(scales.times[:, 1:], length)
     with np.errstate(invalid="ignore"):
         apart = np.where(np.real(scales.rates[:, :-1]) < 0.0, next_one / fastest, 0.0)
-    return np.median(apart, axis=0)
+    gaps = np.median(apart, axis=0)
+    # Where all is fast but conserved sums nothing moves on the slow manifold: it is where the run ends.
+    gaps[scales.times.shape[1] - len(scales.conserved) - 1 :] = 0.0
+    return gaps
 
 
 def _needed(accuracy: float) -> float:

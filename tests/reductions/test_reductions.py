@@ -247,6 +247,26 @@ def test_a_parameter_within_a_function_hides_no_candidate() -> None:
     assert found.recommended.name == "quasi-steady state of T"
 
 
+def test_a_conserved_sum_alone_is_no_reduced_model() -> None:
+    # Calcium, two buffers, a store and a pump: ca + b + q + 10 er stays, and everything else decays in the span.
+    pumped, leaked = "30*ca**2/(4/25 + ca**2)", "5 + (er - ca)/10"
+    given = scene(
+        {
+            "ca": f"{leaked} - {pumped} - on*ca*(20 - b) + off*b - bind*ca*(10 - q) + free*q",
+            "b": "on*ca*(20 - b) - off*b",
+            "q": "bind*ca*(10 - q) - free*q",
+            "er": f"({pumped} - ({leaked}))/10",
+        },
+        {"on": 500, "off": 250, "bind": 8, "free": 3},
+        {"ca": 1, "b": 0, "q": 0, "er": 40},
+        20,
+    )
+    found = find_reductions(given)
+    assert found.taken is not None
+    for each in {r.name: r for r in found.found}.values():
+        assert any(rate != 0 for rate in gsp.study(each.scene).series(0).reduced_field[0]), each.name
+
+
 def test_corrections_are_not_looked_at_where_nothing_is_separated() -> None:
     """A laser whose field decays as slowly as the run is long: the series of E diverges, and its runs take minutes."""
     rates = {"E": "P - E", "P": "200*(E*D - P)", "D": "0.2*(3 - D - E*P)"}
