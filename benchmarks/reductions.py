@@ -29,7 +29,7 @@ from gsp.comparison.work_precision import _reference, _start
 from gsp.comparison.work_runs import largest_errors
 from gsp.models import load
 from gsp.scenes.study import Study, study
-from gsp.scenes.tolerances import SHARE
+from gsp.systems.tolerances import SHARE
 
 EXPLICIT = (
     "chaplygin_sleigh", "sleigh_from_lagrangian", "knife_edge", "nonholonomic_particle", "michaelis_menten",

@@ -13,10 +13,10 @@ from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.attempts import Missing, made
 from gsp.scenes.study import RTOL, Study
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.singular.mixed_modes import MixedMode, mixed_mode
 from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import Flow, Point
+from gsp.systems.tolerances import absolute_tolerance
 
 # Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
 PICTURED = (2.0, 1.0, 0.4)

@@ -9,7 +9,7 @@ from gsp.averaging.averaging import Averaging
 from gsp.charts.style import BLUE, GREY, VERMILION, chart, legend, mathematics
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import trajectory_of
-from gsp.scenes.tolerances import RTOL, absolute_tolerance
+from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 # Times at which runs are drawn: the phase turns some hundred times at most where a turn can be seen.
 POINTS = 4000

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from gsp.charts.style import INK, SERIES, chart, legend, mathematics
 from gsp.integration.trajectory import trajectory_of
 from gsp.nested.nesting import Nesting
-from gsp.scenes.tolerances import RTOL, absolute_tolerance
+from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 # Times, spread over the decades from the fastest time scale on.
 POINTS = 400

@@ -16,9 +16,9 @@ from gsp.integration.methods import SOLVERS, Method, choose_method
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
+from gsp.systems.tolerances import absolute_tolerance
 
 # Share of the tolerance left to the integrator; a model has the rest.
 INTEGRATION = 0.1

@@ -18,12 +18,12 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.grids_at_rest import resting_coefficients
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import LONGEST, SeriesManifold, length
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow.truncation import AHEAD
+from gsp.systems.tolerances import absolute_tolerance
 
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
 # times 1/gap (exp(-60) is far below rounding), at so many places.
@@ -268,9 +268,9 @@ def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
     preparation = time.perf_counter() - begun
     rtol = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
     atol = absolute_tolerance(rtol, scene.region, scene.start)
-    off = {name: value + start.error for name, value in start.items()}
+    off = {name: value + start.errors[name] for name, value in start.items()}
     run, shifted = (
         trajectory_of(f, start=begin, span=scene.span, rtol=rtol, atol=atol)
-        for f, begin in ((flow, start), (flow_on(manifold, shift=manifold.error_estimate), off))
+        for f, begin in ((flow, start), (flow_on(manifold, shift=manifold.error_estimates), off))
     )
     return SurfaceForecast(manifold, flow, start, run, shifted, forecast, preparation)

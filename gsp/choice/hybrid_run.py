@@ -15,9 +15,9 @@ from gsp.errors import Status
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
+from gsp.systems.tolerances import absolute_tolerance
 
 
 @dataclass(frozen=True)

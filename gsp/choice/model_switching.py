@@ -21,10 +21,10 @@ from gsp.integration.surface_flow import flow_on
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_function import finite_rows
 from gsp.scenes.study import Study
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow.truncation import AHEAD
+from gsp.systems.tolerances import absolute_tolerance
 
 # After the reduced flow was left its local error has to fall to this share of what it was there before it is taken up
 # again: without it a fold would be approached in ever shorter pieces, each with a new allowance.

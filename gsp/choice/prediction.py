@@ -26,10 +26,10 @@ from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.scenes.raw_states import BESIDE, RawStates
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold
 from gsp.slow.truncation import AHEAD
 from gsp.systems.region import Interval, state_sizes
+from gsp.systems.tolerances import absolute_tolerance
 
 # A term that happens to vanish says nothing, so the runs of the next two orders are looked at. Where the series ends
 # before the second (AHEAD), the first serves alone, unless it is within so many tolerances of the runs themselves.

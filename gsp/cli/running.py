@@ -34,7 +34,7 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
     """
     _check_target(output)
     from gsp.integration.trajectory import RunOptions, trajectory_of
-    from gsp.scenes.tolerances import RTOL, absolute_tolerance
+    from gsp.systems.tolerances import RTOL, absolute_tolerance
 
     atol = absolute_tolerance(RTOL, scene.region, scene.full_start)
     with progress_bar("run") as show:

@@ -98,8 +98,8 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
     from gsp.scales.special_values import small_parameters
     from gsp.scenes.small_parameter import without_small
     from gsp.scenes.study import RTOL
-    from gsp.scenes.tolerances import absolute_tolerance
     from gsp.systems.system import VectorField
+    from gsp.systems.tolerances import absolute_tolerance
 
     plain = without_small(scene)
     field = plain.system

@@ -23,11 +23,11 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold, best_sum
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_epsilons, check_order, check_orders
 from gsp.systems.system import VectorField
+from gsp.systems.tolerances import absolute_tolerance
 
 # The grid on which errors are measured, and the tolerances of the runs compared.
 GRID_POINTS = 49

@@ -38,10 +38,10 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.scenes.tolerances import SHARE
 from gsp.slow.series import SeriesManifold
 from gsp.systems.arguments import check_each, check_number, check_positive, check_progress, shown
 from gsp.systems.flow import check_epsilon, check_orders
+from gsp.systems.tolerances import SHARE
 
 # The reference, and what its error is estimated from: two methods of different order.
 REFERENCE = (Method.RADAU13, Method.RADAU9)

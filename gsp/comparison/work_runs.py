@@ -16,9 +16,9 @@ from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.study import Study
-from gsp.scenes.tolerances import SHARE
 from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import Flow
+from gsp.systems.tolerances import SHARE
 
 MAX_STEPS = 200_000
 # One measurement lasts at least so long (seconds); the least of ROUNDS counts. Runs above SLOW are timed once.

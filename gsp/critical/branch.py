@@ -6,7 +6,7 @@ its equations and its points are found by Newton's method. Every later stage wor
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -16,6 +16,7 @@ import sympy as sp
 from gsp.algebra.brevity import brief, listed
 from gsp.algebra.differentiation import entries
 from gsp.algebra.factorisation import coefficients
+from gsp.critical.common_units import own_sizes
 from gsp.critical.sheet_continuation import PIECES, SheetContinuation
 from gsp.critical.sheet_points import (
     NEWTON_STEPS,
@@ -146,6 +147,40 @@ class Branch(Portable, Card):
         sizes = state_sizes(check_region(region, [s.name for s in self.system.states]), point)
         return replace(
             self, units=tuple(powers_of_two([sizes.get(s.name, 1.0) for s in self.system.states]).tolist())
+        )
+
+    def in_own_units(self, point: np.ndarray, bounds: Mapping[str, Interval] | None = None) -> Branch:
+        """The same branch with the sizes of its states at `point` (n,) and in bounds, where no region has told them."""
+        if self.units is not None:
+            return self
+        return replace(self, units=tuple(powers_of_two(own_sizes(self.system, point, bounds)).tolist()))
+
+    def moved_into(self, units: np.ndarray) -> Branch:
+        """The branch of the same system with its states in `units` (n,), powers of two; itself where each is 1."""
+        if (units == 1.0).all():
+            return self
+        system = self.system
+        exact = {s: sp.Rational(*float(unit).as_integer_ratio()) for s, unit in zip(system.states, units)}
+        inner = {s: unit * s for s, unit in exact.items()}
+
+        def moved(of: Iterable[tuple[sp.Symbol, sp.Expr]]) -> dict[sp.Symbol, sp.Expr]:
+            return {s: e.xreplace(inner) / exact[s] for s, e in of}
+
+        x_units, y_units = np.split(units, [len(system.x)])
+        return replace(
+            self,
+            system=SlowFastSystem(
+                slow=moved(zip(system.x, system.f)),
+                fast=moved(zip(system.y, system.g)),
+                epsilon=system.epsilon,
+                parameters=system.parameters,
+                name=system.name,
+            ),
+            equations=tuple(e.xreplace(inner) for e in self.equations),
+            graph=None if self.graph is None else moved(self.graph.items()),
+            seed=self.seed
+            and (tuple((self.seed[0] / x_units).tolist()), tuple((self.seed[1] / y_units).tolist())),
+            units=self.units and tuple((np.array(self.units) / units).tolist()),
         )
 
     @cached_property

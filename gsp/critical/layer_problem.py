@@ -8,7 +8,7 @@ unknowns: a curve for one free variable, a sheet for two.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -17,14 +17,13 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.critical.branch import Branch
 from gsp.critical.multilinear_form import Derivatives, MultilinearForm
 from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Point, check_given, values_by_name
-from gsp.systems.region import Interval, check_interval, powers_of_two
+from gsp.systems.region import Interval, check_interval
 from gsp.systems.system import SlowFastSystem
 
 Bounds = Mapping[str, Interval] | Mapping[sp.Symbol, Interval]
@@ -212,13 +211,13 @@ class Bent(Protocol):
 
 
 def natural_scales(
-    problem: Bent, u: np.ndarray, bounds: Mapping[str, Interval], *, or_own: bool = False
+    problem: Bent, u: np.ndarray, bounds: Mapping[str, Interval], *, above: float = np.inf
 ) -> np.ndarray:
     """A typical size of each unknown (N,): the width of its bounds, else |u|, else what matters as much in g.
 
     The last is the least size at which a column of g_u or of g_uu weighs as much as the others do, so that scaling
     a variable scales it. It counts also where |u| is nothing beside it but rounding. Where g tells nothing the size is
-    1, or with `or_own` |u| unless that is rounding of 0.
+    |u| if that is `above` this, else 1.
     """
     names = [s.name for s in problem.unknowns]
     scales = np.array([bounds[n][1] - bounds[n][0] if n in bounds else abs(v) for n, v in zip(names, u)])
@@ -231,20 +230,10 @@ def natural_scales(
             if given[j] <= NOTHING * matters:
                 bent = np.sqrt(_least(2.0 * total, np.abs(problem.second(u)[:, j, j])))
                 matters = min(matters, bent)
-                if or_own and matters == np.inf and given[j] > NOTHING:
+                if matters == np.inf and given[j] > above:
                     continue
                 scales[j] = matters if given[j] <= NOTHING * matters else given[j]
     return np.where((scales > 0.0) & np.isfinite(scales), scales, 1.0)
-
-
-def in_own_units(branch: Branch, point: np.ndarray, bounds: Mapping[str, Interval] | None = None) -> Branch:
-    """The branch in units of the states' sizes, by its `point` (n,) and bounds where no region has told them."""
-    if branch.units is not None:
-        return branch
-    system = branch.system
-    parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
-    sizes = natural_scales(LayerProblem(system, system.x, parameters), point, bounds or {}, or_own=True)
-    return replace(branch, units=tuple(powers_of_two(sizes).tolist()))
 
 
 def _least(total: np.ndarray, weights: np.ndarray) -> float:

@@ -15,9 +15,9 @@ from gsp.errors import DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import RTOL, Study, study_of
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.scenes.view import TIME, View, view_named
 from gsp.systems.arguments import check_number, check_progress
+from gsp.systems.tolerances import absolute_tolerance
 
 SECONDS = 5.0
 # A longer one has more frames than a file for slides should.

@@ -18,6 +18,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.branch import Branch
+from gsp.critical.common_units import common_units
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.fibres.shadowing import shadow
@@ -34,8 +35,8 @@ class BasePoint(Mapping[str, float], Card):
     """Base point of the fast fibre through `start`: a mapping of slow (and reconstruction) names to values.
 
     It can be passed as the start of a reduced flow. `coefficients[name]` are those of the powers of epsilon through
-    `order`, exact where the layer allows; they are empty, and `order` None, from backward shadowing. `error` estimates
-    the largest error: the first two terms left out, or the disagreement of two shadowing times; not a number where
+    `order`, exact where the layer allows; they are empty, and `order` None, from backward shadowing. `errors[name]`
+    are estimates: the first two terms left out, or the disagreement of two shadowing times; not a number where
     the series ends with a term that vanishes. `route` says how it was found.
     """
 
@@ -44,10 +45,15 @@ class BasePoint(Mapping[str, float], Card):
     epsilon: float
     order: int | None
     coefficients: Mapping[str, tuple]
-    error: float
+    errors: Mapping[str, float]
     status: Status
     route: str
     _values: Mapping[str, float]
+
+    @property
+    def error(self) -> float:
+        """The largest of `errors`."""
+        return float(np.max(list(self.errors.values())))
 
     def __getitem__(self, name: str) -> float:
         return self._values[name.name if isinstance(name, sp.Symbol) else name]
@@ -155,17 +161,30 @@ def base_point_of(inner: InnerExpansion, epsilon: float, order: int | None) -> B
     if order is not None:
         inner.require(order + 1)
     base = inner.base
-    sizes = [max(abs(float(c[k])) * epsilon**k for c in base.values()) for k in range(inner.order + 1)]
+    powers = epsilon ** np.arange(inner.order + 1)
+    sizes = {name: np.abs(np.array(c[: inner.order + 1], dtype=float)) * powers for name, c in base.items()}
     # The first term left out; one that happens to vanish says nothing, so the pair with its successor counts.
-    left_out = [max(pair) for pair in pairwise(sizes[1:] if not inner.ending else [*sizes[1:], 0.0])]
+    ended = [0.0] if inner.ending else []
+    left_out = {
+        name: np.array([max(pair) for pair in pairwise([*own[1:], *ended])]) for name, own in sizes.items()
+    }
     if order is None:
-        order = min(range(len(left_out)), key=left_out.__getitem__)
+        states = [s.name for s in inner.branch.system.states]
+        units = dict(
+            zip(states, common_units(inner.branch.system, np.array([[inner.start[n] for n in states]])))
+        )
+        shares = [left_out[name] / units.get(name, own.max() or 1.0) for name, own in sizes.items()]
+        order = int(np.argmin(np.max(shares, axis=0)))
     coefficients = {name: c[: order + 1] for name, c in base.items()}
     values = {n: sum(float(c[k]) * epsilon**k for k in range(order + 1)) for n, c in coefficients.items()}
     kind = "exact" if inner.is_exact else "sampled"
-    rounding = (4e-16 if inner.is_exact else 1e-14) * max(sizes)
+    rounding = 4e-16 if inner.is_exact else 1e-14
     # Behind the end of the series nothing but its last term tells the error.
-    error = left_out[order] or (float("nan") if inner.ending else 0.0)
+    unknown = inner.ending and not any(own[order] for own in left_out.values())
+    errors = {
+        name: float("nan") if unknown else float(np.maximum(left_out[name][order], rounding * own.max()))
+        for name, own in sizes.items()
+    }
     return BasePoint(
         branch=inner.branch,
         start=inner.start,
@@ -173,7 +192,7 @@ def base_point_of(inner: InnerExpansion, epsilon: float, order: int | None) -> B
         _values=MappingProxyType(values),
         order=order,
         coefficients=MappingProxyType(coefficients),
-        error=np.maximum(error, rounding),
+        errors=MappingProxyType(errors),
         status=Status.SUCCESS if _is_over_sheet(inner.branch, values) else Status.HYPERBOLICITY_LOST,
         route=f"{kind} series through order {order}",
     )
@@ -199,7 +218,7 @@ def _shadowed(branch: Branch, start, epsilon: float, reconstruction, surface) ->
         _values=MappingProxyType(found.values),
         order=None,
         coefficients=MappingProxyType({}),
-        error=found.error,
+        errors=MappingProxyType(found.errors),
         status=found.status,
         route=f"backward shadowing over {found.time:.3g}",
     )

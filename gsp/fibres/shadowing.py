@@ -13,18 +13,20 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.branch import Branch
+from gsp.critical.common_units import common_units
 from gsp.errors import BranchError, HyperbolicityError, Status, UnsupportedFunctionError
 from gsp.fibres.decaying_signals import chebyshev
 from gsp.fibres.inner_expansion import Problem
-from gsp.fibres.layer_orbit import land
+from gsp.fibres.layer_orbit import Landing, land
 from gsp.integration.trajectory import Method, RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.lowering.tape import write_tape
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import best_sum, expand
-from gsp.slow.slow_points import zero_derivative
+from gsp.slow.slow_points import climb
 from gsp.systems.flow import Point
-from gsp.systems.system import VectorField
+from gsp.systems.system import SlowFastSystem, VectorField
 
 # Fast times 1/gap of the first run, how often it is doubled, and at how many times it is looked at. The base point is
 # found from two times, the second one later by a factor and by so many layer times at least; their difference is an
@@ -45,11 +47,11 @@ Surface = Callable[[np.ndarray], tuple[np.ndarray, float]]
 
 @dataclass(frozen=True)
 class Shadow:
-    """A base point by shadowing: `values` by name, its `error` estimate, and the slow `time` shadowed."""
+    """A base point by shadowing: `values` by name, estimates of their `errors`, and the slow `time` shadowed."""
 
     start: dict[str, float]
     values: dict[str, float]
-    error: float
+    errors: dict[str, float]
     time: float
     status: Status
 
@@ -60,7 +62,7 @@ def shadow(
     *,
     epsilon: float,
     reconstruction: Mapping[sp.Symbol, sp.Expr],
-    surface=None,
+    surface: SampledManifold | None = None,
 ) -> Shadow:
     """The base point of the fibre through `start`; `surface` is a solved manifold, or None for pointwise values.
 
@@ -68,126 +70,172 @@ def shadow(
     `HyperbolicityError` when epsilon is too large for the base point to mean anything, and as `land` does.
     """
     problem = Problem.declare(branch, start, reconstruction)
-    system = branch.system
-    x0 = np.array([problem.start[s.name] for s in system.x])
-    y0 = np.array([problem.start[s.name] for s in system.y])
+    x0, y0 = (np.array([problem.start[s.name] for s in part]) for part in (problem.system.x, problem.system.y))
     landing = land(branch, x0, y0)
     if landing.direction < 0:
         problem = problem.reversed()
-    height = _height(branch, epsilon, landing.point, surface)
-    flow = VectorField(
-        {
-            **dict(zip(problem.system.states, problem.system.rates)),
-            **dict(zip(problem.driven, problem.driven_rates)),
-        },
-        epsilon=system.epsilon,
-        parameters=system.parameters,
-    )
-    slow = _ShadowingFlow(problem, epsilon, height)
-    time = LAYER_TIMES * epsilon / landing.gap
-    for _ in range(EXTENSIONS):
-        run = trajectory_of(
-            flow,
-            start=problem.start,
-            span=(0.0, time),
-            epsilon=epsilon,
-            rtol=RTOL,
-            atol=ATOL,
-            at=np.linspace(0.0, time, LOOKS + 1)[1:],
-            options=RunOptions(method=Method.DOP853),
-        )
-        pair = _landed(problem, run, height, epsilon, epsilon / landing.gap)
-        if pair is not None:
-            break
-        time *= 2.0
-    else:
-        end = ", ".join(f"{s.name} = {run[s.name][-1]:.6g}" for s in system.states)
-        raise BranchError(
-            f"the full system from {problem.place()} at epsilon = {epsilon:g} is still away from the slow "
-            f"manifold of {branch} at time {run.t[-1]:.4g}, {end}.",
-            "The start is outside its basin; move it, or take a smaller epsilon.",
-        )
-    names = [s.name for s in problem.slow]
-    ends = np.array([run[name] for name in names])
-    *times, distance = pair
-    (first, defect), (second, _) = (slow.back(ends[:, i], float(run.t[i])) for i in times)
-    scale = 1.0 + float(np.abs(first).max())
-    # What is left of the layer would still move the slow variables by f_y distance epsilon/gap.
-    defect += slow.by_height(ends[:, times[0]]) * distance * epsilon / landing.gap
-    estimate = max(float(np.abs(first - second).max()), defect, 4 * np.finfo(float).eps * scale)
-    if not estimate <= LOST * scale:
-        raise HyperbolicityError(
-            f"the base point of {problem.place()} is determined only to {estimate:.2g} at epsilon = "
-            f"{epsilon:g}: the slow manifold of {branch} is not separated from its neighbours any more.",
-            "Take a smaller epsilon.",
-        )
-    values = dict(zip(names, map(float, first)))
-    return Shadow(problem.start, values, estimate, float(run.t[times[0]]), Status.SUCCESS)
+    return _Shadowing(problem, epsilon, landing, surface).found()
 
 
-def _landed(
-    problem: Problem, run: Trajectory, height: Surface, epsilon: float, layer_time: float
-) -> tuple[int, int, float] | None:
-    """Indices of two times at which the run is on the slow manifold, having stayed there, and its distance at the first
-    (or the error of h); None when it ends before.
+class _Shadowing:
+    """What `shadow` does with a `problem` whose layer `landing` ends; all lengths are in common `units` of the states.
 
-    A run that leaves again, at a fold say, may come back later to the same sheet; that is not this fibre.
+    What is told is in those of the problem.
     """
-    system = problem.system
-    x = np.array([run[s.name] for s in system.x]).T
-    y = np.array([run[s.name] for s in system.y]).T
-    over, left = None, 0.0
-    for i in range(len(run.t)):
-        try:
-            h, error = height(x[i : i + 1])
-        except BranchError as reason:
-            raise BranchError(_leaving(problem, run, i, epsilon) + f" {reason}") from None
-        distance = float(np.linalg.norm(y[i] - h[0]))
-        limit = max(NEAR * (1.0 + float(np.linalg.norm(h))), NEAR_ERRORS * error)
-        if over is None and distance <= limit:
-            over, left = i, max(distance, error)
-        # A thousand such distances away it has left again.
-        elif over is not None and distance > 1e3 * limit:
-            raise BranchError(_leaving(problem, run, i, epsilon))
-        if over is not None:
-            later = max(SECOND_FACTOR * run.t[over], run.t[over] + SECOND_LATER * layer_time)
-            if run.t[i] >= later:
-                return over, i, left
-    if not run.status.ok:
-        raise BranchError(_leaving(problem, run, len(run.t) - 1, epsilon) + f" It {run.message}.")
-    return None
+
+    def __init__(
+        self, problem: Problem, epsilon: float, landing: Landing, surface: SampledManifold | None
+    ) -> None:
+        self.problem, self.epsilon = problem, epsilon
+        self.layer_time = epsilon / landing.gap
+        self.states = (*problem.system.states, *problem.driven)
+        system = problem.system
+        nx, n = len(system.x), len(system.states)
+        given = np.array([problem.start[s.name] for s in self.states])
+        rates = compile_over(
+            system, (*system.f, *problem.driven_rates), arguments=(*system.x, *problem.driven, *system.y)
+        )
+        landed = np.concatenate([given[:nx], given[n:], landing.point])
+        # How far the slow variables come in the time that is looked at: a start may be at 0.
+        way = rates(landed[None, :], parameter_vector(system, epsilon))[0] * LAYER_TIMES * self.layer_time
+        way = np.where(np.isfinite(way), way, 0.0)
+        states = np.array([given[:n], [*way[:nx], *landing.point]])
+        driven = np.maximum(np.abs(given[n:]), np.abs(way[nx:]))
+        self.units = common_units(system, states, driven)
+        self.start = given / self.units
+        branch = problem.branch.moved_into(self.units[:n])
+        y_units = self.units[nx:n]
+        self.height = _height(branch, epsilon, landing.point / y_units, surface, (self.units[:nx], y_units))
+        inner = {s: sp.Rational(unit) * s for s, unit in zip(self.states, self.units)}
+        driven_rates = [
+            rate.xreplace(inner) / sp.Rational(unit) for rate, unit in zip(problem.driven_rates, self.units[n:])
+        ]
+        self.slow = _ShadowingFlow(branch.system, (problem.driven, driven_rates), epsilon, self.height)
+        self.flow = VectorField(
+            {**dict(zip(system.states, branch.system.rates)), **dict(zip(problem.driven, driven_rates))},
+            epsilon=system.epsilon,
+            parameters=system.parameters,
+        )
+
+    def found(self) -> Shadow:
+        time = LAYER_TIMES * self.layer_time
+        for _ in range(EXTENSIONS):
+            run = trajectory_of(
+                self.flow,
+                start=dict(zip((s.name for s in self.states), map(float, self.start))),
+                span=(0.0, time),
+                epsilon=self.epsilon,
+                rtol=RTOL,
+                atol=ATOL,
+                at=np.linspace(0.0, time, LOOKS + 1)[1:],
+                options=RunOptions(method=Method.DOP853),
+            )
+            pair = self._landed(run)
+            if pair is not None:
+                break
+            time *= 2.0
+        else:
+            raise BranchError(
+                f"the full system from {self.problem.place()} at epsilon = {self.epsilon:g} is still away from the "
+                f"slow manifold of {self.problem.branch} at time {run.t[-1]:.4g}, {self._state(run, -1)}.",
+                "The start is outside its basin; move it, or take a smaller epsilon.",
+            )
+        slow = [self.states.index(s) for s in self.problem.slow]
+        ends, units = run.y[slow], self.units[slow]
+        *times, distance = pair
+        (first, defect), (second, _) = (self.slow.back(ends[:, i], float(run.t[i])) for i in times)
+        # What is left of the layer would still move the slow variables by f_y distance epsilon/gap.
+        defect += self.slow.by_height(ends[:, times[0]]) * distance * self.layer_time
+        scale = 1.0 + float(np.abs(first).max())
+        estimates = np.maximum(np.maximum(np.abs(first - second), defect), 4 * np.finfo(float).eps * scale)
+        if not estimates.max() <= LOST * scale:
+            raise HyperbolicityError(
+                f"the base point of {self.problem.place()} is determined only to {(estimates * units).max():.2g} at "
+                f"epsilon = {self.epsilon:g}: the slow manifold of {self.problem.branch} is not separated from its "
+                "neighbours any more.",
+                "Take a smaller epsilon.",
+            )
+        values, errors = (
+            {s.name: float(v) for s, v in zip(self.problem.slow, part * units)} for part in (first, estimates)
+        )
+        return Shadow(self.problem.start, values, errors, float(run.t[times[0]]), Status.SUCCESS)
+
+    def _landed(self, run: Trajectory) -> tuple[int, int, float] | None:
+        """Indices of two times at which the run is on the slow manifold, having stayed there, and its distance at the
+        first (or the error of h); None when it ends before.
+
+        A run that leaves again, at a fold say, may come back later to the same sheet; that is not this fibre.
+        """
+        system = self.problem.system
+        x, y, _ = np.split(run.y.T, [len(system.x), len(system.states)], axis=1)
+        over, left = None, 0.0
+        for i in range(len(run.t)):
+            try:
+                h, error = self.height(x[i : i + 1])
+            except BranchError as reason:
+                raise BranchError(f"{self._leaving(run, i)} {reason}") from None
+            distance = float(np.linalg.norm(y[i] - h[0]))
+            limit = max(NEAR * (1.0 + float(np.linalg.norm(h))), NEAR_ERRORS * error)
+            if over is None and distance <= limit:
+                over, left = i, max(distance, error)
+            # A thousand such distances away it has left again.
+            elif over is not None and distance > 1e3 * limit:
+                raise BranchError(self._leaving(run, i))
+            if over is not None:
+                later = max(SECOND_FACTOR * run.t[over], run.t[over] + SECOND_LATER * self.layer_time)
+                if run.t[i] >= later:
+                    return over, i, left
+        if not run.status.ok:
+            raise BranchError(f"{self._leaving(run, len(run.t) - 1)} It {run.message}.")
+        return None
+
+    def _leaving(self, run: Trajectory, i: int) -> str:
+        return (
+            f"the full system from {self.problem.place()} at epsilon = {self.epsilon:g} leaves the slow manifold of "
+            f"{self.problem.branch} before its layer is over, at {self._state(run, i)}: a fold or an end of the sheet "
+            "is too near, or the start is outside the basin. Move the start, or take a smaller epsilon."
+        )
+
+    def _state(self, run: Trajectory, i: int) -> str:
+        if not len(run.t):
+            return "once"
+        return ", ".join(
+            f"{s.name} = {value:.6g}" for s, value in zip(self.problem.system.states, run.y[:, i] * self.units)
+        )
 
 
-def _leaving(problem: Problem, run: Trajectory, i: int, epsilon: float) -> str:
-    end = ", ".join(f"{s.name} = {run[s.name][i]:.6g}" for s in problem.system.states) if len(run.t) else "once"
-    return (
-        f"the full system from {problem.place()} at epsilon = {epsilon:g} leaves the slow manifold of {problem.branch} "
-        f"before its layer is over, at {end}: a fold or an end of the sheet is too near, or the start is outside "
-        "the basin. Move the start, or take a smaller epsilon."
-    )
-
-
-def _height(branch: Branch, epsilon: float, near: np.ndarray, surface) -> Surface:
-    """h(x) (m, n_fast) and its largest estimated error, over points (m, n_slow)."""
+def _height(
+    branch: Branch,
+    epsilon: float,
+    near: np.ndarray,
+    surface: SampledManifold | None,
+    units: tuple[np.ndarray, np.ndarray],
+) -> Surface:
+    """h(x) (m, n_fast) and its largest estimated error, over points (m, n_slow), in the `units` of x and of y."""
+    x_units, y_units = units
     if surface is not None:
-        return lambda x: (np.atleast_2d(surface.evaluate(x)), float(surface.error_estimate))
+        error = float((surface.error_estimates / y_units).max())
+        return lambda x: (np.atleast_2d(surface.evaluate(x * x_units)) / y_units, error)
     guess = None if branch.is_explicit or branch.seed is not None else near
 
     def pointwise(x: np.ndarray) -> tuple[np.ndarray, float]:
-        found = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15, near=guess)
-        if not found.status.ok:
+        y0 = np.atleast_2d(branch.points(x, near=guess))
+        y, orders, errors, _, _ = climb(tape, branch, x, y0, epsilon, order=None, tolerance=1e-15)
+        if (orders < 0).any():
+            where = zip(branch.system.x, x[np.argmin(orders)] * x_units)
             raise BranchError(
-                f"the slow manifold of {branch} was not found at epsilon = {epsilon:g}: {found.message}.",
+                f"the slow manifold was not found at epsilon = {epsilon:g} over "
+                f"{', '.join(f'{s.name} = {value:.6g}' for s, value in where)}.",
                 "Take a smaller epsilon.",
             )
-        return found.y, float(np.max(found.error))
+        return y, float(np.max(errors))
 
     def summed(x: np.ndarray) -> tuple[np.ndarray, float]:
         y, _, left_out = best_sum(series, x, epsilon, near=guess)
         return y, float(np.max(left_out))
 
     try:
-        write_tape(branch.system)
+        tape = write_tape(branch.system)
     except UnsupportedFunctionError:
         # Where the zero-derivative principle has no jets for the field, the series is summed through this
         # order.
@@ -197,29 +245,34 @@ def _height(branch: Branch, epsilon: float, near: np.ndarray, surface) -> Surfac
 
 
 class _ShadowingFlow:
-    """z' = f(x, h(x), epsilon) for z = (x, reconstruction variables)."""
+    """z' = f(x, h(x), epsilon) for z = (x, reconstruction variables), these `driven` at their rates."""
 
-    def __init__(self, problem: Problem, epsilon: float, height: Surface) -> None:
-        system = problem.system
+    def __init__(
+        self,
+        system: SlowFastSystem,
+        driven: tuple[tuple[sp.Symbol, ...], list[sp.Expr]],
+        epsilon: float,
+        height: Surface,
+    ) -> None:
         self._height = height
         self._slow = len(system.x)
         self._p = parameter_vector(system, epsilon)
         self._rates = compile_over(
-            system, (*system.f, *problem.driven_rates), arguments=(*system.x, *problem.driven, *system.y)
+            system, (*system.f, *driven[1]), arguments=(*system.x, *driven[0], *system.y)
         )
 
     def rates(self, z: np.ndarray) -> tuple[np.ndarray, float]:
         h, error = self._height(z[:, : self._slow])
         return self._rates(np.hstack([z, h]), self._p), error
 
-    def back(self, end: np.ndarray, time: float) -> tuple[np.ndarray, float]:
+    def back(self, end: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         """z(0) from z(time) = `end`, and what the error of h may have done to it."""
         nodes, _, S = chebyshev()
         count = max(1, int(np.ceil(time * self._lipschitz(end) / PANEL)))
         length = time / count
         # From the right end of each panel: int_(c_i)^1 = S_last - S_i.
         left = 0.5 * length * (S[-1] - S)
-        z, drift = end, 0.0
+        z, drift = end, np.zeros(len(end))
         for _ in range(count):
             values = np.tile(z, (len(nodes), 1))
             for _ in range(PICARD_STEPS):
@@ -231,7 +284,7 @@ class _ShadowingFlow:
                     break
             drift += length * error * self.by_height(values[0])
             z = values[0]
-            if drift > LOST * (1.0 + float(np.abs(z).max())):
+            if drift.max() > LOST * (1.0 + float(np.abs(z).max())):
                 # Already lost: the rest of the way back would only be slow.
                 break
         return z, drift
@@ -243,11 +296,11 @@ class _ShadowingFlow:
         rates, _ = self.rates(np.vstack([z + step * row for row in np.eye(n)] + [z]))
         return float(np.linalg.norm((rates[:-1] - rates[-1]) / step[:, None])) + 1e-3
 
-    def by_height(self, z: np.ndarray) -> float:
-        """Size of the derivative of the rates by y at z (n,), by differences."""
+    def by_height(self, z: np.ndarray) -> np.ndarray:
+        """Sizes (n,) of the derivatives of the rates by y at z (n,), by differences."""
         h, _ = self._height(z[None, : self._slow])
         base = np.hstack([z[None, :], h])
         n = h.shape[1]
         shifts = np.zeros((n, base.shape[1]))
         shifts[:, -n:] = 1e-6 * np.eye(n)
-        return float(np.abs((self._rates(base + shifts, self._p) - self._rates(base, self._p)) / 1e-6).max())
+        return np.abs((self._rates(base + shifts, self._p) - self._rates(base, self._p)) / 1e-6).max(axis=0)

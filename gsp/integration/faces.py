@@ -13,7 +13,7 @@ from gsp.results.point_verbs import Labels, Record, records
 from gsp.results.registry import Makers, charts, equations, tables
 from gsp.results.table import Column, Table, constants_of, names_of, quantities_of, scalars, texts
 from gsp.scenes.study import Study
-from gsp.scenes.tolerances import absolute_tolerance
+from gsp.systems.tolerances import absolute_tolerance
 
 
 @tables.of(Trajectory)

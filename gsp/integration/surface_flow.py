@@ -7,7 +7,7 @@ that SymPy multiplies it out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,10 +47,10 @@ class SurfaceFlow(Flow):
 def flow_on(
     manifold: SampledManifold,
     *,
-    shift: float = 0.0,
+    shift: Sequence[float] | np.ndarray | None = None,
     reconstruction: Mapping[sp.Symbol, sp.Expr] | None = None,
 ) -> SurfaceFlow:
-    """The slow flow on a solved manifold; with `shift` every fast variable is off by so much, to see what that does.
+    """The slow flow on a solved manifold; `shift` (n_fast,) moves the fast variables, to see what that does.
 
     Raises `DeclarationError` for a manifold that was not solved, or whose interpolant has over 400 coefficients.
 
@@ -77,9 +77,10 @@ def flow_on(
         )
     system = manifold.branch.system
     values = {**system.parameters, system.epsilon: exact(manifold.epsilon)}
+    offs = [0.0] * len(system.y) if shift is None else shift
     heights = {
-        y: height + sp.Float(shift) if shift else height
-        for y, height in zip(system.y, _expressions(surface, system.x))
+        y: height + sp.Float(off) if off else height
+        for y, height, off in zip(system.y, _expressions(surface, system.x), offs)
     }
     observables = dict(heights)
     for symbol, expression in system.observables.items():

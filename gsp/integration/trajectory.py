@@ -40,7 +40,8 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_array, check_flag, check_noun, check_progress
-from gsp.systems.flow import Flow, Point, Question, frozen
+from gsp.systems.flow import Flow, Point, Question, frozen, values_by_name
+from gsp.systems.tolerances import ATOL, RTOL, absolute_tolerance
 
 if TYPE_CHECKING:
     from gsp.integration.reduced_flow import ReducedFlow
@@ -253,8 +254,8 @@ def integrate(
     start: Point | None = None,
     span: tuple[float, float] | None = None,
     epsilon: float | None = None,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
+    rtol: float = RTOL,
+    atol: float | None = None,
     at: ArrayLike | None = None,
     method: Method | str | None = None,
     dense: bool = True,
@@ -267,7 +268,8 @@ def integrate(
     A `Scene` brings its own field, start, span and epsilon, in whose place those of the call stand where given.
 
     Each step's error estimate e satisfies RMS(e/(atol + rtol |z|)) <= 1; the Radau methods, whose estimate is of
-    lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
+    lower order than their results, transform the tolerance so that the results meet it. `atol` is by default 1e-10, or
+    what the smallest state of a `Scene` needs, by its region and start. With `at` (m,), times
     inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
     dense output, which is corrected for DOP853; else `t` are the ends
     of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one RADAU9 for rtol from
@@ -290,14 +292,19 @@ def integrate(
     if not isinstance(flow, Flow):
         if isinstance(flow, Question):
             # A scene says all of it; what the call says as well stands in its place.
+            region = flow.region
             flow, start, span, epsilon = flow.setting(start, span, epsilon)
+            if atol is None:
+                atol = absolute_tolerance(
+                    check_tolerances(rtol, ATOL)[0], region, values_by_name(start, what="start")
+                )
         check_noun(flow, Flow, verb="integrate")
     if start is None or span is None:
         missing = "start" if start is None else "span"
         raise DeclarationError(f"{missing} is missing.", "Only a Scene has one of its own.", got="None")
     # By their places, which takes half the time that their names do.
     options = RunOptions._make((method, dense, max_steps, events, progress, True, False, None))
-    return trajectory_of(flow, start, span, epsilon, rtol, atol, at, options)
+    return trajectory_of(flow, start, span, epsilon, rtol, ATOL if atol is None else atol, at, options)
 
 
 class RunOptions(NamedTuple):
@@ -326,8 +333,8 @@ def trajectory_of(
     start: Point,
     span: tuple[float, float],
     epsilon: float | None = None,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
+    rtol: float = RTOL,
+    atol: float = ATOL,
     at: ArrayLike | None = None,
     options: RunOptions = PLAIN,
 ) -> Trajectory:

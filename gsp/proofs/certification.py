@@ -12,7 +12,6 @@ from flint import arb
 
 from gsp.algebra.precision import precision
 from gsp.critical.branch import Branch
-from gsp.critical.layer_problem import in_own_units
 from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError
 from gsp.proofs import balls
@@ -88,7 +87,7 @@ def _in_units(branch: Branch, region: Mapping[str, Interval]) -> Branch:
     except BranchError:
         return branch
     bounds = {s.name: region[s.name] for s in branch.system.states if s.name in region}
-    return in_own_units(branch, point, bounds) if np.isfinite(point).all() else branch
+    return branch.in_own_units(point, bounds) if np.isfinite(point).all() else branch
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from gsp.readers.sbml_document import library, read_document
 from gsp.readers.sbml_math import names_in
 from gsp.readers.sbml_quantities import TOTAL, Quantities
 from gsp.readers.sbml_values import fraction_text
-from gsp.scenes.tolerances import RTOL, absolute_tolerance
+from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 # SBML does not say how fast its fast reactions are.
 EPSILON = "0.01"

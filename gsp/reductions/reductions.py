@@ -33,9 +33,9 @@ from gsp.scenes.small_parameter import (
     without_small,
 )
 from gsp.scenes.study import Study
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.arguments import check_noun, check_progress
 from gsp.systems.system import VectorField
+from gsp.systems.tolerances import absolute_tolerance
 
 # Orders of the reduced flows that are measured, those of `choose`: the reduction, and its corrections.
 ORDERS = (0, 1, 2, 3)

@@ -21,8 +21,8 @@ from gsp.lowering.compiled_function import compile_function
 from gsp.scales.small_parameter import SmallParameter
 from gsp.scales.special_values import small_parameters
 from gsp.scenes.scene import Scene
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.system import VectorField
+from gsp.systems.tolerances import absolute_tolerance
 
 # Runs that rank the candidates.
 RTOL = 1e-6

@@ -24,7 +24,7 @@ from gsp.report.wording import words
 from gsp.results.attempts import Missing, attempt
 from gsp.results.mathml import dotted
 from gsp.scenes.scene import Scene
-from gsp.scenes.tolerances import absolute_tolerance
+from gsp.systems.tolerances import absolute_tolerance
 
 CAPTIONS = {
     "time_series": "Every state from the start, over the span.",

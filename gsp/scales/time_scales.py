@@ -8,7 +8,7 @@ all that they do in the time scale of the next is within the tolerance (Lam and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,7 +25,9 @@ from gsp.results.tabular import Tabular
 from gsp.scales.conservation import Reactions, conserved_by, reactions_of
 from gsp.scales.modes import Modes, modes_of
 from gsp.systems.arguments import check_flag, check_noun, check_positive, check_progress
-from gsp.systems.flow import Flow, Point, Portable, Question, frozen
+from gsp.systems.flow import Flow, Point, Portable, Question, frozen, values_by_name
+from gsp.systems.region import Interval
+from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 # Times at which a flow is looked at unless the caller says at which, and products of a matrix that these may take.
 POINTS, FEWEST, PRODUCTS = 200, 16, 5e8
@@ -214,7 +216,9 @@ def time_scales(
     >>> int(time_scales(field, start={"x": 1, "y": 0}, span=(0, 1)).exhausted[-1])
     1
     """
+    region: Mapping[str, Interval] = {}
     if isinstance(flow, Question):
+        region = flow.region
         flow, start, span, epsilon = flow.setting(start, span, epsilon)
     check_noun(flow, Flow, verb="time_scales")
     if start is None or span is None:
@@ -224,7 +228,8 @@ def time_scales(
     check_progress(progress)
     show = progress or (lambda share: None)
     options = PLAIN if progress is None else RunOptions(progress=lambda share: show(share / 2))
-    run = trajectory_of(flow, start=start, span=span, epsilon=epsilon, at=at, options=options)
+    atol = absolute_tolerance(RTOL, region, values_by_name(start, what="start"))
+    run = trajectory_of(flow, start, span, epsilon, RTOL, atol, at, options)
     n = len(flow.states)
     if at is None:
         count = int(np.clip(PRODUCTS / n**3, FEWEST, POINTS))

@@ -17,12 +17,12 @@ from gsp.algebra.laurent import laurent, pole_order
 from gsp.errors import DeclarationError, SplittingError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import LADDER, TIME, Scene
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.scenes.view import View
 from gsp.systems.arguments import check_each, check_noun, check_text, shown
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem, VectorField
+from gsp.systems.tolerances import absolute_tolerance
 
 # A run that only says where the states go.
 RTOL = 1e-6

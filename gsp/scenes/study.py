@@ -33,7 +33,6 @@ from gsp.scenes.scaled import take_scaling
 from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.switched import in_fast_variables
-from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.expansion import Expansion
 from gsp.slow.run_series import run_series
 from gsp.slow.series import LONGEST, SeriesManifold, length, series_of
@@ -44,6 +43,7 @@ from gsp.systems.arguments import check_noun
 from gsp.systems.flow import check_epsilon, check_order
 from gsp.systems.region import ImageBox, Interval
 from gsp.systems.system import SlowFastSystem, VectorField
+from gsp.systems.tolerances import absolute_tolerance
 
 # Points per axis of a box that is mapped when a slow coordinate is no multilinear function of raw states.
 IMAGE_POINTS = 7

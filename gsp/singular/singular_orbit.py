@@ -24,7 +24,6 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
-from gsp.critical.layer_problem import in_own_units
 from gsp.critical.sampling import Sampler
 from gsp.errors import NO_REASON, BranchError, DeclarationError, GspError, HyperbolicityError, Reason, Status
 from gsp.integration.reduced_flow import ReducedFlow
@@ -183,7 +182,7 @@ def singular_orbit(
     _require_attracting(branch, start)
     given = values_by_name(start, what="start")
     x = np.array([[given[s.name] for s in branch.system.x]])
-    branch = in_own_units(branch, np.concatenate([x[0], branch.through(start).points(x)[0]]))
+    branch = branch.in_own_units(np.concatenate([x[0], branch.through(start).points(x)[0]]))
     if switched is not None and not isinstance(switched, VectorField):
         raise DeclarationError(
             "switched is the VectorField that was split.", got=shown(switched), value=switched

@@ -40,6 +40,10 @@ class ChebyshevSurface:
             result.append(c)
         return np.stack(result, axis=-1)
 
+    def in_units(self, x: np.ndarray, y: np.ndarray) -> ChebyshevSurface:
+        """The same surface where a number of ours is `x` (d,) or `y` (k,) of the new ones."""
+        return ChebyshevSurface(self.box * x[:, None], self.coefficients * y)
+
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
         scale = 2.0 / (self.box[:, 1] - self.box[:, 0])

@@ -23,12 +23,12 @@ from gsp.systems.region import Interval, shown_region
 class SampledManifold(Card, Tabular):
     """The slow manifold of `branch` over `region` at one `epsilon`: y = `evaluate(x)`.
 
-    `kind` and `gap` are those of M0 over the region. `error_estimate` is meant to bound the error of `evaluate`: twice
-    the residual of the invariance equation over the gap, at points that were not solved for, plus what is left of the
-    ends of the orbit segments (infinite when there is no surface). `nodes` (k, n_slow) and `values` (k, n_fast) are the
-    points that were solved, NaN where that failed, and `node_errors` (k,) their estimated errors. With a failure
-    among them, normal rates that change their type on it, or an estimate above 1 + |y|, there is no surface and
-    `evaluate` gives NaN.
+    `kind` and `gap` are those of M0 over the region. `error_estimates` (n_fast,) are meant to bound the errors of
+    `evaluate`: twice the residual of the invariance equation over the gap, at points that were not solved for, plus
+    what is left of the ends of the orbit segments (infinite when there is no surface). `nodes` (k, n_slow) and
+    `values` (k, n_fast) are the points that were solved, NaN where that failed, and `node_errors` (k,) their estimated
+    errors. With a failure among them, normal rates that change their type on it, or an estimate above the size of y,
+    there is no surface and `evaluate` gives NaN.
     `status` and `message` say how it ended, where, and what to do.
     """
 
@@ -41,10 +41,15 @@ class SampledManifold(Card, Tabular):
     nodes: np.ndarray
     values: np.ndarray
     node_errors: np.ndarray
-    error_estimate: float
+    error_estimates: np.ndarray
     status: Status
     message: str
     _surface: ChebyshevSurface | None = field(repr=False)
+
+    @property
+    def error_estimate(self) -> float:
+        """The largest of `error_estimates`."""
+        return float(self.error_estimates.max())
 
     @property
     def surface(self) -> ChebyshevSurface | None:

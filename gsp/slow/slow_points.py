@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.common_units import common_units
 from gsp.errors import DeclarationError, Status
 from gsp.kernels import slow_points as kernel
 from gsp.kernels.addresses import JET
@@ -54,6 +55,7 @@ class SlowPoints(Card, Tabular):
     status: Status
     jets: int
     _codes: np.ndarray = field(repr=False)
+    _unit: float = field(repr=False)
 
     @property
     def message(self) -> str:
@@ -68,7 +70,7 @@ class SlowPoints(Card, Tabular):
         error = np.atleast_1d(self.error)
         worst = int(np.argmax(error))
         text = f"{len(x)} points, largest estimated error {error[worst]:.2g} at {self._place(x[worst])}"
-        scale = 1.0 + np.linalg.norm(np.atleast_2d(self.y), axis=1)
+        scale = self._unit + np.linalg.norm(np.atleast_2d(self.y), axis=1)
         short = int((error > 10 * self.tolerance * scale).sum())
         if short:
             verb = "does" if short == 1 else "do"
@@ -89,7 +91,8 @@ def zero_derivative(
 
     `x` is as for `Branch.points`: a mapping by name, (m, n_slow), or one point; `near` starts Newton's method on an
     implicit branch. With `order` that order is used; without it the lowest whose estimated error is below
-    `tolerance` (1 + |y|), or, where the estimate starts to grow before that, the order where it is least.
+    `tolerance` (1 + |y|), or, where the estimate starts to grow before that, the order where it is least. States of
+    tiny or huge numbers are in units of their own there: those in which the largest of them is near 1.
 
     Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point
     over `x`, and `UnsupportedFunctionError` for a field with floor and the like, which have no jets.
@@ -111,15 +114,25 @@ def zero_derivative(
         be = f"an integer from 0 to {LARGEST_ORDER}, or None to choose it by the tolerance"
         check_whole(order, what="order", most=LARGEST_ORDER, be=be)
     system = branch.system
-    tape = write_tape(system)
+    write_tape(system)
     array, single = as_points(system.x, x, what="x")
     if not array.size:
         raise DeclarationError("x has no point.", "Give one or more.")
     if not np.isfinite(array).all():
         raise DeclarationError("x must be finite.", got=array[~np.isfinite(array).all(axis=1)][0])
     start = np.atleast_2d(branch.points(array, near=near))
-    result = climb(tape, branch, array, start, value, order=order, tolerance=float(tolerance))
-    y, orders, errors, codes, jets = result
+    units = common_units(branch.system, np.hstack([array, start]))
+    own, (x_units, y_units) = branch.moved_into(units), np.split(units, [len(system.x)])
+    y, orders, errors, codes, jets = climb(
+        write_tape(own.system),
+        own,
+        array / x_units,
+        start / y_units,
+        value,
+        order=order,
+        tolerance=float(tolerance),
+    )
+    y, errors = y * y_units, errors * y_units.max()
     failed = codes[codes != kernel.CONVERGED]
     status = _STATUS[int(failed[0])] if failed.size else Status.SUCCESS
     for part in (array, y, orders, errors):
@@ -136,6 +149,7 @@ def zero_derivative(
         status=status,
         jets=jets,
         _codes=codes,
+        _unit=float(y_units.max()),
     )
 
 

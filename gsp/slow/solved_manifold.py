@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.branch import Branch
+from gsp.critical.common_units import common_units
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
@@ -45,7 +46,8 @@ def solve_manifold(
     """The slow manifold over the box `region` of one to three slow variables, as a `SampledManifold`.
 
     At Chebyshev points of the box orbit segments of the full flow are solved; the degree of the interpolant is
-    raised until its coefficients are below `tolerance`, relative to the size of y or 1; no grid of more than
+    raised until its coefficients are below `tolerance`, relative to the size of y or 1 in units in which the states'
+    numbers are common ones; no grid of more than
     `max_points` is solved for, and when that does not do `status` is TOO_MANY_POINTS and the error estimate says what
     is left; where so many do not resolve M0 itself, no segment is solved. Segments may leave the region as far as M0
     stays normally hyperbolic there. Intervals for fast variables choose the sheet of an implicit branch that has none
@@ -95,7 +97,10 @@ def _classified(sheet: Branch, box: tuple[tuple[str, Interval], ...]) -> Hyperbo
 
 
 class _Work:
-    """One call of `solve_manifold`, its sheet fixed and classified."""
+    """One call of `solve_manifold`, its sheet fixed and classified; lengths are in common `units` (n,) of the states.
+
+    What is told is in those of the system: places, the values of the result, and its errors.
+    """
 
     def __init__(
         self,
@@ -106,10 +111,14 @@ class _Work:
         verdict: Hyperbolicity,
         max_points: int | None,
     ) -> None:
-        self.branch, self.box, self.epsilon, self.tolerance = branch, box, epsilon, tolerance
+        self.asked, self.box, self.epsilon, self.tolerance = branch, box, epsilon, tolerance
         self.verdict = verdict
         self.system = branch.system
-        self.intervals = np.array([box[s.name] for s in self.system.x])
+        intervals = np.array([box[s.name] for s in self.system.x])
+        self.units = common_units(branch.system, _spread(branch, intervals))
+        self.x_units, self.y_units = np.split(self.units, [len(self.system.x)])
+        self.branch = branch.moved_into(self.units)
+        self.intervals = intervals / self.x_units[:, None]
         self.notes: list[str] = []
         self.errors: np.ndarray | None = None
         self.selection = 0.0
@@ -154,7 +163,7 @@ class _Work:
         if hopeless:
             return self._result(Status.TOO_MANY_POINTS, hopeless, None)
         centre = self.intervals.mean(axis=1)[None, :]
-        eigenvalues = self.verdict.eigenvalues(centre)[0]
+        eigenvalues = self.verdict.eigenvalues(centre * self.x_units)[0]
         solver = SegmentSolver(
             self.branch,
             epsilon=self.epsilon,
@@ -193,7 +202,7 @@ class _Work:
         if self.selection > SLACK * self.tolerance * scale and not self.history_ends:
             worst = int(np.argmax(self.errors))
             self.notes.append(
-                f"the segments are good to {self.selection:.2g} only, at "
+                f"the segments are good to {self._length(self.selection)} only, at "
                 f"{self._place(grid.reshape(-1, d)[worst])}: the field is not smooth there or an orbit is too long"
             )
         elif rough.any() and not self.short:
@@ -248,7 +257,7 @@ class _Work:
             i = int(np.argmax(np.where(short, error, 0.0)))
             self.notes.append(
                 f"the orbit through {self._place(x[i])} can be followed only to {self._state(segments.ends[i])}, so "
-                f"that what is fixed there is still felt, by {error[i]:.2g}"
+                f"that what is fixed there is still felt, by {self._length(error[i])}"
             )
         return None
 
@@ -270,14 +279,16 @@ class _Work:
         unit = np.random.default_rng(0).random((300, len(self.intervals)))
         x = self.intervals[:, 0] + unit * (self.intervals[:, 1] - self.intervals[:, 0])
         defect, normal = defect_of(self.branch, surface, self.epsilon, x)
-        error = np.linalg.norm(divide(normal, defect[:, :, None])[:, :, 0], axis=1)
+        each = np.abs(divide(normal, defect[:, :, None])[:, :, 0])
+        error = np.linalg.norm(each, axis=1)
         y = surface(x)
         rounding = 4e-16 * (1.0 + float(np.abs(y).max()))
         estimate = SAFETY * float(error.max()) + self.selection + rounding
+        estimates = SAFETY * each.max(axis=0) + self.selection + rounding
         status, lost = Status.SUCCESS, False
         unstable = (np.real(np.linalg.eigvals(normal)) > 0).sum(axis=1)
         centre = self.intervals.mean(axis=1)[None, :]
-        expected = int((np.real(self.verdict.eigenvalues(centre)[0]) > 0).sum())
+        expected = int((np.real(self.verdict.eigenvalues(centre * self.x_units)[0]) > 0).sum())
         scale = 1.0 + float(np.abs(y).max())
         if not np.isfinite(estimate):
             status, lost = Status.NON_FINITE, True
@@ -294,25 +305,27 @@ class _Work:
         if rate < 1.0:
             self.notes.append(f"the normal rate does not dominate the tangential one (ratio {rate:.2g})")
         where = self._place(x[int(np.argmax(error))])
-        text = f"{len(grid.reshape(-1, grid.shape[-1]))} segments, estimated error {estimate:.2g}"
+        text = f"{len(grid.reshape(-1, grid.shape[-1]))} segments, estimated error {self._length(estimate)}"
         if not status.ok:
             text += f" (tolerance {self.tolerance:g}), largest residual near {where}"
         text = "; ".join([text, *self.notes])
         if lost:
             return self._result(status, f"{text}. Lower epsilon, or shrink the region.", None, grid, values)
-        return self._result(status, text, surface, grid, values, estimate)
+        return self._result(status, text, surface, grid, values, estimates)
 
     def _result(
-        self, status: Status, message: str, surface, grid=None, values=None, estimate: float = float("inf")
+        self, status: Status, message: str, surface, grid=None, values=None, estimates: np.ndarray | None = None
     ) -> SampledManifold:
         nx, ny = len(self.system.x), len(self.system.y)
         points = np.empty((0, nx)) if grid is None else grid.reshape(-1, nx).copy()
         solved = np.empty((0, ny)) if values is None else values.reshape(-1, ny).copy()
         errors = np.full(len(points), np.inf) if self.errors is None else self.errors.reshape(-1).copy()
-        for array in (points, solved, errors):
+        points, solved, errors = points * self.x_units, solved * self.y_units, errors * self.y_units.max()
+        estimates = self.y_units * (np.full(ny, np.inf) if estimates is None else estimates)
+        for array in (points, solved, errors, estimates):
             array.setflags(write=False)
         return SampledManifold(
-            branch=self.branch,
+            branch=self.asked,
             region=self.box,
             epsilon=self.epsilon,
             tolerance=self.tolerance,
@@ -321,17 +334,30 @@ class _Work:
             nodes=points,
             values=solved,
             node_errors=errors,
-            error_estimate=estimate,
+            error_estimates=estimates,
             status=status,
             message=message if status.ok else f"{status.name}: {message}",
-            _surface=surface,
+            _surface=surface and surface.in_units(self.x_units, self.y_units),
         )
 
     def _place(self, x: np.ndarray) -> str:
-        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, x))
+        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, x * self.x_units))
+
+    def _length(self, size: float) -> str:
+        """A length of the fast variables, at most."""
+        return f"{size * self.y_units.max():.2g}"
 
     def _state(self, z: np.ndarray) -> str:
-        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z))
+        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z * self.units))
+
+
+def _spread(sheet: Branch, intervals: np.ndarray) -> np.ndarray:
+    """Points (m, n) of the sheet spread over the box, NaN where it has none."""
+    x = nodes(intervals, [FIRST_SIZE[len(intervals)]] * len(intervals)).reshape(-1, len(intervals))
+    if sheet.is_explicit:
+        return np.hstack([x, sheet.graph_values(x, allow_complex=True)])
+    y, good = sheet.follow(x)
+    return np.hstack([x, np.where(good[:, None], y, np.nan)])
 
 
 def _sheet(branch: Branch, box: Mapping[str, Interval]) -> Branch:

@@ -107,6 +107,7 @@ class Question:
 
     full_flow: Flow
     full_start: Mapping[str, float]
+    region: Mapping[str, tuple[float, float]]
     span: tuple[float, float]
     epsilon: float
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+import sympy as sp
 
+from gsp import SlowFastSystem
 from gsp.fibres.base_points import base_point_of
 from gsp.fibres.inner_expansion import InnerExpansion
 
@@ -13,9 +15,13 @@ from gsp.fibres.inner_expansion import InnerExpansion
 def point(
     coefficients: dict[str, list[float]], epsilon: float, order: int | None = None, *, is_exact: bool = True
 ):
+    fast = sp.Symbol("fast")
+    system = SlowFastSystem(
+        slow={sp.Symbol(n): 0 for n in coefficients}, fast={fast: -fast}, epsilon=sp.Symbol("epsilon")
+    )
     inner = InnerExpansion(
-        branch=SimpleNamespace(is_explicit=True),  # pyright: ignore[reportArgumentType]
-        start={},
+        branch=SimpleNamespace(is_explicit=True, system=system),  # pyright: ignore[reportArgumentType]
+        start={**dict.fromkeys(coefficients, 1.0), "fast": 1.0},
         order=len(next(iter(coefficients.values()))) - 1,
         slow=tuple(coefficients),
         terms={name: tuple(SimpleNamespace(outer=[c]) for c in of) for name, of in coefficients.items()},

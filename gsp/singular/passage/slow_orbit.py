@@ -16,7 +16,6 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
-from gsp.critical.layer_problem import in_own_units
 from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, tail
 from gsp.integration.methods import Method
@@ -116,7 +115,7 @@ class SlowOrbit:
         system = branch.system
         y = branch.points(x[None, :])[0]
         self.end, self.state = 0.0, np.concatenate([x, y])
-        self.branch = branch = in_own_units(branch, self.state, box)
+        self.branch = branch = branch.in_own_units(self.state, box)
         self.units = np.concatenate(branch.scales)
         self.equations = BranchExpressions(branch)
         self._g_y = self.equations.compiled(self.equations.g_y)

@@ -1,4 +1,4 @@
-"""The absolute tolerance of a scene's runs: what its smallest state needs."""
+"""The tolerances of runs: an absolute one is what the smallest state needs, where it is known."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from gsp.systems.region import Interval, state_sizes
 
-# That of `integrate`.
-RTOL = 1e-8
+# Those of `integrate`.
+RTOL, ATOL = 1e-8, 1e-10
 # Of rtol times the size of the smallest state: from this share of it on its digits are controlled by rtol.
 SHARE = 1e-2
 

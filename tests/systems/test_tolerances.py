@@ -13,8 +13,8 @@ from gsp.choice.candidates import run_model
 from gsp.cli import cli
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
-from gsp.scenes.tolerances import SHARE, absolute_tolerance
 from gsp.systems.system import SlowFastSystem
+from gsp.systems.tolerances import SHARE, absolute_tolerance
 
 s, c, eps = sp.symbols("s c epsilon")
 NANO = sp.Rational(1, 10**9)
