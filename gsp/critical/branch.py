@@ -6,7 +6,7 @@ its equations and its points are found by Newton's method. Every later stage wor
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -33,7 +33,7 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
 from gsp.systems.flow import Point, Portable, as_points
-from gsp.systems.region import Interval, check_region, powers_of_two, state_sizes
+from gsp.systems.region import Interval, check_region, in_units, powers_of_two, state_sizes
 from gsp.systems.system import SlowFastSystem
 
 
@@ -160,24 +160,20 @@ class Branch(Portable, Card):
         if (units == 1.0).all():
             return self
         system = self.system
-        exact = {s: sp.Rational(*float(unit).as_integer_ratio()) for s, unit in zip(system.states, units)}
-        inner = {s: unit * s for s, unit in exact.items()}
-
-        def moved(of: Iterable[tuple[sp.Symbol, sp.Expr]]) -> dict[sp.Symbol, sp.Expr]:
-            return {s: e.xreplace(inner) / exact[s] for s, e in of}
-
+        sizes = dict(zip(system.states, units))
         x_units, y_units = np.split(units, [len(system.x)])
         return replace(
             self,
             system=SlowFastSystem(
-                slow=moved(zip(system.x, system.f)),
-                fast=moved(zip(system.y, system.g)),
+                slow=in_units(system.slow, sizes),
+                fast=in_units(system.fast, sizes),
                 epsilon=system.epsilon,
                 parameters=system.parameters,
                 name=system.name,
             ),
-            equations=tuple(e.xreplace(inner) for e in self.equations),
-            graph=None if self.graph is None else moved(self.graph.items()),
+            # Their zeros are the same, whatever they are divided by.
+            equations=tuple(in_units(dict(zip(system.y, self.equations)), sizes).values()),
+            graph=None if self.graph is None else in_units(self.graph, sizes),
             seed=self.seed
             and (tuple((self.seed[0] / x_units).tolist()), tuple((self.seed[1] / y_units).tolist())),
             units=self.units and tuple((np.array(self.units) / units).tolist()),

@@ -26,6 +26,7 @@ from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import best_sum, expand
 from gsp.slow.slow_points import climb
 from gsp.systems.flow import Point
+from gsp.systems.region import in_units
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # Fast times 1/gap of the first run, how often it is doubled, and at how many times it is looked at. The base point is
@@ -106,13 +107,11 @@ class _Shadowing:
         branch = problem.branch.moved_into(self.units[:n])
         y_units = self.units[nx:n]
         self.height = _height(branch, epsilon, landing.point / y_units, surface, (self.units[:nx], y_units))
-        inner = {s: sp.Rational(unit) * s for s, unit in zip(self.states, self.units)}
-        driven_rates = [
-            rate.xreplace(inner) / sp.Rational(unit) for rate, unit in zip(problem.driven_rates, self.units[n:])
-        ]
-        self.slow = _ShadowingFlow(branch.system, (problem.driven, driven_rates), epsilon, self.height)
+        given_rates = dict(zip(problem.driven, problem.driven_rates))
+        driven_rates = in_units(given_rates, dict(zip(self.states, self.units)))
+        self.slow = _ShadowingFlow(branch.system, driven_rates, epsilon, self.height)
         self.flow = VectorField(
-            {**dict(zip(system.states, branch.system.rates)), **dict(zip(problem.driven, driven_rates))},
+            {**dict(zip(system.states, branch.system.rates)), **driven_rates},
             epsilon=system.epsilon,
             parameters=system.parameters,
         )
@@ -250,7 +249,7 @@ class _ShadowingFlow:
     def __init__(
         self,
         system: SlowFastSystem,
-        driven: tuple[tuple[sp.Symbol, ...], list[sp.Expr]],
+        driven: Mapping[sp.Symbol, sp.Expr],
         epsilon: float,
         height: Surface,
     ) -> None:
@@ -258,7 +257,7 @@ class _ShadowingFlow:
         self._slow = len(system.x)
         self._p = parameter_vector(system, epsilon)
         self._rates = compile_over(
-            system, (*system.f, *driven[1]), arguments=(*system.x, *driven[0], *system.y)
+            system, (*system.f, *driven.values()), arguments=(*system.x, *driven, *system.y)
         )
 
     def rates(self, z: np.ndarray) -> tuple[np.ndarray, float]:

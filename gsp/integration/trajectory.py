@@ -269,14 +269,13 @@ def integrate(
 
     Each step's error estimate e satisfies RMS(e/(atol + rtol |z|)) <= 1; the Radau methods, whose estimate is of
     lower order than their results, transform the tolerance so that the results meet it. `atol` is by default 1e-10, or
-    what the smallest state of a `Scene` needs, by its region and start. With `at` (m,), times
-    inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
-    dense output, which is corrected for DOP853; else `t` are the ends
-    of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one RADAU9 for rtol from
-    2e-5 up and RADAU13 below. Above 40 states a sparse Jacobian is used as one.
-    `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
-    steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
-    now and then with the fraction done.
+    what the smallest state of a `Scene` needs, by its region and start. With `at` (m,), times inside the span in its
+    direction, the result's `t` is `at`: values there are as good as the steps, read off the dense output, which is
+    corrected for DOP853; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is not
+    stiff, and for a stiff one RADAU9 for rtol from 2e-5 up and RADAU13 below. Above 40 states a sparse Jacobian is used
+    as one. `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the
+    attempted steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is
+    called now and then with the fraction done.
 
     A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
     series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,

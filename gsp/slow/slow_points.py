@@ -91,8 +91,8 @@ def zero_derivative(
 
     `x` is as for `Branch.points`: a mapping by name, (m, n_slow), or one point; `near` starts Newton's method on an
     implicit branch. With `order` that order is used; without it the lowest whose estimated error is below
-    `tolerance` (1 + |y|), or, where the estimate starts to grow before that, the order where it is least. States of
-    tiny or huge numbers are in units of their own there: those in which the largest of them is near 1.
+    `tolerance` (1 + |y|), or, where the estimate starts to grow before that, the order where it is least. If a state's
+    numbers are tiny or huge, y is measured in units in which the largest number of each state is near 1.
 
     Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point
     over `x`, and `UnsupportedFunctionError` for a field with floor and the like, which have no jets.
@@ -114,6 +114,7 @@ def zero_derivative(
         be = f"an integer from 0 to {LARGEST_ORDER}, or None to choose it by the tolerance"
         check_whole(order, what="order", most=LARGEST_ORDER, be=be)
     system = branch.system
+    # A field without jets is refused by name, before anything of it is compiled.
     write_tape(system)
     array, single = as_points(system.x, x, what="x")
     if not array.size:

@@ -46,12 +46,11 @@ def solve_manifold(
     """The slow manifold over the box `region` of one to three slow variables, as a `SampledManifold`.
 
     At Chebyshev points of the box orbit segments of the full flow are solved; the degree of the interpolant is
-    raised until its coefficients are below `tolerance`, relative to the size of y or 1 in units in which the states'
-    numbers are common ones; no grid of more than
-    `max_points` is solved for, and when that does not do `status` is TOO_MANY_POINTS and the error estimate says what
-    is left; where so many do not resolve M0 itself, no segment is solved. Segments may leave the region as far as M0
-    stays normally hyperbolic there. Intervals for fast variables choose the sheet of an implicit branch that has none
-    fixed.
+    raised until its coefficients are below `tolerance`, relative to the size of y or 1, in units in which no state's
+    numbers are tiny or huge. No grid of more than `max_points` is solved for, and when that does not do `status` is
+    TOO_MANY_POINTS and the error estimate says what is left; where so many do not resolve M0 itself, no segment is
+    solved. Segments may leave the region as far as M0 stays normally hyperbolic there. Intervals for fast variables
+    choose the sheet of an implicit branch that has none fixed.
 
     A fold in the region, an orbit that ends, a Newton iteration that fails and the like are told by `status` and
     `message`. Raises `DeclarationError` for arguments that are not well formed and `BranchError` when the branch
@@ -305,7 +304,8 @@ class _Work:
         if rate < 1.0:
             self.notes.append(f"the normal rate does not dominate the tangential one (ratio {rate:.2g})")
         where = self._place(x[int(np.argmax(error))])
-        text = f"{len(grid.reshape(-1, grid.shape[-1]))} segments, estimated error {self._length(estimate)}"
+        largest = float((self.y_units * estimates).max())
+        text = f"{len(grid.reshape(-1, grid.shape[-1]))} segments, estimated error {largest:.2g}"
         if not status.ok:
             text += f" (tolerance {self.tolerance:g}), largest residual near {where}"
         text = "; ".join([text, *self.notes])

@@ -60,6 +60,18 @@ def powers_of_two(sizes: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.exp2(np.round(np.log2(sizes)))
 
 
+def in_units(of: Mapping[sp.Symbol, sp.Expr], units: Mapping[sp.Symbol, float]) -> dict[sp.Symbol, sp.Expr]:
+    """Values or rates by symbol where each symbol is in one of its `units`, and so is what belongs to it.
+
+    >>> x = sp.Symbol("x")
+    >>> in_units({x: 4 - x**2}, {x: 2.0})
+    {x: 2 - 2*x**2}
+    """
+    exact = {s: sp.Rational(*float(unit).as_integer_ratio()) for s, unit in units.items()}
+    inner = {s: unit * s for s, unit in exact.items()}
+    return {s: e.xreplace(inner) / exact.get(s, 1) for s, e in of.items()}
+
+
 def with_sides(region: Mapping[str, Interval], sides: Mapping[str, Interval]) -> Mapping[str, Interval]:
     """The region with other intervals for some names; the states of an image stay what they were."""
     intervals = MappingProxyType({**region, **sides})

@@ -18,18 +18,18 @@ def system(unit: sp.Expr) -> SlowFastSystem:
     )
 
 
-@pytest.mark.parametrize(
-    ("sizes", "more"), [([0.2, 1.0, 100.0], []), ([0.2, 1.0, 1e-5], [3.0]), ([0.2, 1.0, 1.0], [1e6, 0.0])]
-)
-def test_units_are_powers_of_two_that_leave_a_model_of_common_numbers_alone(sizes, more) -> None:
-    units = common_units(system(sp.Integer(1)), np.array([sizes, [0.0, np.nan, 0.0]]), np.array(more))
+def test_a_model_of_common_numbers_keeps_its_units() -> None:
+    points = np.array([[0.2, 1.0, 100.0], [0.0, np.nan, 0.0]])
+    assert common_units(system(sp.Integer(1)), points, np.array([3.0, 0.0])).tolist() == [1.0] * 5
+
+
+@pytest.mark.parametrize(("sizes", "more"), [([0.2, 1.0, 1e-5], 3.0), ([0.2, 1.0, 1.0], 1e6)])
+def test_else_units_are_the_powers_of_two_next_to_its_numbers(sizes, more) -> None:
+    units = common_units(system(sp.Integer(1)), np.array([sizes, [0.0, np.nan, 0.0]]), np.array([more, 0.0]))
     assert (np.log2(units) % 1.0 == 0.0).all()
-    numbers = np.array([*sizes, *(size or 1.0 for size in more)]) / units
-    common = [*sizes, *(size or 1.0 for size in more)]
-    if min(common) > 0.125 and max(common) < 128:
-        assert (units == 1.0).all()
-    else:
-        assert ((numbers > 0.7) & (numbers < 1.5)).all()
+    numbers = np.array([*sizes, more]) / units[:-1]
+    assert ((numbers > 0.7) & (numbers < 1.5)).all()
+    assert units[-1] == 1.0
 
 
 @pytest.mark.parametrize("power", [-12, 0, 9])

@@ -9,6 +9,7 @@ import pytest
 import sympy as sp
 from click.testing import CliRunner
 
+from gsp import VectorField, integrate, time_scales
 from gsp.choice.candidates import run_model
 from gsp.cli import cli
 from gsp.scenes.scene import Scene
@@ -80,3 +81,26 @@ def test_a_run_of_a_choice_is_as_exact_in_nanomoles() -> None:
         for scene in map(enzyme, (sp.Integer(1), NANO))
     )
     assert np.abs(1e9 * small - large).max() < 1e-5 * large.max()
+
+
+def test_a_scene_that_is_integrated_is_as_exact_in_nanomoles() -> None:
+    times = np.linspace(0.01, 2, 50)
+    large, small = (integrate(enzyme(unit), at=times) for unit in (sp.Integer(1), NANO))
+    assert small.y * 1e9 == pytest.approx(large.y, rel=1e-6)
+
+
+@pytest.mark.parametrize("power", [-9, 9])
+def test_time_scales_are_told_alike_in_all_units(power: int) -> None:
+    """An enzyme without a small parameter: C + E is conserved, and one mode is exhausted from early on."""
+    E, S, C = sp.symbols("E S C")
+
+    def scales(unit):
+        binding = E * S / unit - C / 10
+        field = VectorField({S: -binding, E: -binding + C / 10, C: binding - C / 10})
+        start = {"S": float(unit), "E": 0.01 * float(unit), "C": 0}
+        return time_scales(field, start=start, span=(0, 2000), at=np.geomspace(1, 2000, 40))
+
+    plain, other = scales(sp.Integer(1)), scales(sp.Integer(10) ** power)
+    assert plain.exhausted[-1] == 1
+    assert other.exhausted.tolist() == plain.exhausted.tolist()
+    assert other.gap == pytest.approx(plain.gap, rel=1e-5)

@@ -24,7 +24,7 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, in_units
 from gsp.systems.system import VectorField
 
 # A panel is resolved when its last Chebyshev coefficients are this small, relative to a state's unit and its largest
@@ -255,9 +255,7 @@ class SlowOrbit:
 
 def _in_units(flow: VectorField, units: np.ndarray) -> VectorField:
     """The field with its states in `units`, powers of two."""
-    exact = {s: sp.Rational(*float(unit).as_integer_ratio()) for s, unit in zip(flow.states, units)}
-    inner = {s: unit * s for s, unit in exact.items()}
-    rates = {s: rate.xreplace(inner) / exact[s] for s, rate in flow.equations.items()}
+    rates = in_units(flow.equations, dict(zip(flow.states, units)))
     return VectorField(rates, epsilon=None, parameters=dict(flow.parameters))
 
 
