@@ -69,6 +69,34 @@ def rescaled(scene: Scene, powers: Mapping[str, int]) -> Scene:
     )
 
 
+def retimed(scene: Scene, power: int) -> Scene:
+    """The scene in a unit of time in which every rate is 10**power times what it was."""
+    system, faster = scene.system, sp.Integer(10) ** power
+
+    def quickened(of: Mapping) -> dict:
+        return {s: faster * sp.sympify(e) for s, e in of.items()}
+
+    words = {
+        "epsilon": system.epsilon,
+        "parameters": system.parameters,
+        "observables": dict(system.observables),
+    }
+    new = (
+        SlowFastSystem(slow=quickened(system.slow), fast=quickened(system.fast), **words)
+        if isinstance(system, SlowFastSystem)
+        else VectorField(quickened(system.equations), **words)
+    )
+    return replace(
+        scene,
+        system=new,
+        span=(float(scene.span[0] / faster), float(scene.span[1] / faster)),
+        starts={},
+        claims={},
+        views={},
+        reconstruction=quickened(scene.reconstruction),
+    )
+
+
 def in_units(of: Mapping, powers: Mapping[str, int]) -> dict:
     """Expressions by symbol where the numbers of each that is named are 10**power times what they were."""
     inner = {sp.Symbol(name): sp.Symbol(name) / sp.Integer(10) ** power for name, power in powers.items()}
@@ -201,12 +229,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--verb", action="append", choices=VERBS)
     parser.add_argument("--singly", action="store_true", help="each state by itself too")
     parser.add_argument("--orders", action="store_true", help="other orders of declaration, not units")
+    parser.add_argument("--time", action="store_true", help="other units of time, not of the states")
     options = parser.parse_args(arguments)
     for name in options.names or scenes():
         plain = scene(name)
         others = (
             {f"order {k}": reordered(plain, k) for k in range(2)}
             if options.orders
+            else {f"rates of 1e{power}": retimed(plain, power) for power in (-6, 6)}
+            if options.time
             else {str(p): rescaled(plain, p) for p in in_other_units(plain, singly=options.singly)}
         )
         for verb in options.verb or VERBS:

@@ -46,6 +46,7 @@ class Exclusion:
     `tried` boxes were looked at, and |Re lambda| is at least `gap` over those that are not left.
     `reason` says why nothing could be, when that is so. With `by_discriminant` g is a polynomial in one fast variable
     whose discriminant vanishes nowhere over the region, so that no eigenvalue does; `gap` is 0 where boxes remain.
+    With `drops_rounding` the region is covered but for boxes that are no place in doubles: a zero may lie in one.
     """
 
     tried: int
@@ -58,11 +59,19 @@ class Exclusion:
     origins: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     ends: tuple[tuple[np.ndarray, np.ndarray], ...] = field(default=(), repr=False)
     by_discriminant: bool = False
+    drops_rounding: bool = False
 
     @property
     def is_complete(self) -> bool:
         """Whether a loss is excluded all over the region."""
         return not self.left
+
+    @property
+    def distance(self) -> float:
+        """How far from the imaginary axis every eigenvalue is at least, at every point of the region; 0 where a part
+        of it, however small, has no enclosure.
+        """
+        return self.gap if self.is_complete and not self.drops_rounding and np.isfinite(self.gap) else 0.0
 
     def __str__(self) -> str:
         if self.reason:
@@ -111,12 +120,13 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
     left = tuple(dict(zip(names, part)) for part in search.left)
     share = min(sum(share_of(part, whole) for part in search.left), 1.0)
     gap = search.gap
-    if share <= ROUNDING:
+    drops_rounding = bool(left) and share <= ROUNDING
+    if drops_rounding:
         # No place of the region in doubles but its end.
         left, share = (), 0.0
     if never_zero and left:
         left, share, gap = (), 0.0, 0.0
-    return Exclusion(search.tried, left, share, "", gap, points, origins, ends, never_zero)
+    return Exclusion(search.tried, left, share, "", gap, points, origins, ends, never_zero, drops_rounding)
 
 
 class _ExclusionSearch:

@@ -155,7 +155,15 @@ class Hyperbolicity(Card):
         if found.verdict.name == "REFUTED" and found.witness is not None:
             evidence = f"refuted on {found.where}: {found.witness.statement}"
             return replace(self, kind=Kind.LOST, certificate=found, evidence=evidence)
-        if found.verdict.name == "PROVED" and self.kind is not Kind.LOST:
+        if found.verdict.name == "PROVED" and self.kind is Kind.LOST:
+            # Doubles took for on the axis what is proved to be off it.
+            judged = _judged(self.branch, self.region, epsilon, distance=found.gap)
+            return replace(
+                judged,
+                certificate=found,
+                evidence=f"proved on {found.where}; {judged.gap:.6g} at the samples",
+            )
+        if found.verdict.name == "PROVED":
             evidence = f"proved on {found.where}; {self.gap:.6g} at the samples"
         else:
             evidence = f"{self.evidence}; {found.reason}"
@@ -225,15 +233,34 @@ def classify(
     prove = check_flag(prove, what="prove")
     system = branch.system
     box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
+    verdict = _judged(branch, box, epsilon)
+    return verdict.with_proof(epsilon=epsilon) if prove else verdict
+
+
+def _judged(
+    branch: Branch, box: Mapping[str, Interval], epsilon: float | None, *, distance: float = 0.0
+) -> Hyperbolicity:
+    """The verdict by samples and by what enclosures exclude between them, no eigenvalue being nearer to the imaginary
+    axis than a proved `distance`.
+    """
+    system = branch.system
     sampler = Sampler(branch)
     samples = sampled(sampler, box)
-    judged = judged_samples(sampler, box, samples, epsilon)
+    judged = judged_samples(sampler, box, samples, epsilon, distance=distance)
     exclusion = None
-    if not judged.lost and len(judged.kinds) == 1:
+    if len(judged.kinds) == 1 and judged.may_touch and not samples.missing:
+        # Doubles cannot tell an eigenvalue that vanishes from one that nearly does; enclosures of its sheet may.
+        touched = [[loss.point[s.name] for s in system.states] for loss in judged.losses]
+        exclusion = exclude(sampler, box, np.vstack([samples.z, touched]))
+        if exclusion.distance:
+            judged = judged_samples(sampler, box, samples, epsilon, distance=exclusion.distance)
+        else:
+            exclusion = None
+    elif len(judged.kinds) == 1 and not judged.lost:
         exclusion = exclude(sampler, box, samples.z)
         if is_worse(sampler, exclusion, judged):
             samples = samples.with_more(sampler, exclusion)
-            judged = judged_samples(sampler, box, samples, epsilon)
+            judged = judged_samples(sampler, box, samples, epsilon, distance=distance)
     z, kinds = samples.z, judged.kinds
     lost = judged.lost or len(kinds) != 1
     evidence = f"sampled at {len(z)} points"
@@ -246,7 +273,7 @@ def classify(
             evidence += f"; between them enclosures bound the gap by {at_least(exclusion.gap)} only"
     rates = NormalRates(judged.gap, sampler.tangential_rate(z))
     found = judged.found
-    verdict = Hyperbolicity(
+    return Hyperbolicity(
         branch=branch,
         region=box,
         kind=Kind.LOST if lost else kind_of(int(kinds[0]), len(system.y)),
@@ -265,7 +292,6 @@ def classify(
         if epsilon is None or lost or rates.r(epsilon) >= 1.0
         else shortfall(sampler, z, box, gap=judged.gap, epsilon=epsilon),
     )
-    return verdict.with_proof(epsilon=epsilon) if prove else verdict
 
 
 def _conditions(

@@ -15,7 +15,7 @@ from gsp.errors import BranchError
 from gsp.hyperbolicity.exclusion import ASIDE, Exclusion
 from gsp.hyperbolicity.losses.ends import ends_on_grid, sheet_ends
 from gsp.hyperbolicity.losses.examination import Examination, examine
-from gsp.hyperbolicity.losses.kinds import Loss
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.saturation import named_by_switch
 from gsp.hyperbolicity.losses.whole_branch import singular_points
@@ -163,6 +163,12 @@ class Judged:
         return self.found.gap
 
     @property
+    def may_touch(self) -> bool:
+        """Whether all that is lost is an eigenvalue which comes so near to the axis that doubles take it for on it."""
+        losses = [loss for loss in self.losses if not loss.is_hyperbolic]
+        return bool(losses) and all(loss.crossing in (Contact.ZERO, Contact.PAIR) for loss in losses)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said beside the losses; a sheet that ends at a switching surface meets it."""
         met = {loss.test for loss in self.losses}
@@ -175,12 +181,27 @@ class Judged:
 
 
 def judged_samples(
-    sampler: Sampler, box: Mapping[str, Interval], samples: Samples, epsilon: float | None
+    sampler: Sampler,
+    box: Mapping[str, Interval],
+    samples: Samples,
+    epsilon: float | None,
+    *,
+    distance: float = 0.0,
 ) -> Judged:
+    """What the samples say, no eigenvalue being nearer to the imaginary axis than a proved `distance`."""
     branch = sampler.branch
     scale = float(np.abs(samples.eigenvalues).max(initial=0.0)) or 1.0
     kinds = np.unique(unstable(samples.eigenvalues))
-    found = examine(sampler, box, scale, samples.z, samples.eigenvalues, samples.links, epsilon=epsilon)
+    found = examine(
+        sampler,
+        box,
+        scale,
+        samples.z,
+        samples.eigenvalues,
+        samples.links,
+        epsilon=epsilon,
+        distance=distance,
+    )
     losses = found.losses
     if samples.missing and not losses and found.diagnosis is not None:
         losses = tuple(sheet_ends(found.diagnosis, samples.ends))

@@ -57,21 +57,23 @@ def examine(
     links: Links,
     *,
     epsilon: float | None = None,
+    distance: float = 0.0,
 ) -> Examination:
     """The losses among the samples `z` (m, n) of a branch, their `eigenvalues` finite, linked along `links`.
 
-    `scale` is the largest |lambda|. With `epsilon` rates that differ by more than 1/epsilon are noted.
+    `scale` is the largest |lambda|. With `epsilon` rates that differ by more than 1/epsilon are noted. Where every
+    eigenvalue is proved to be `distance` off the axis, no place near it counts as on it.
     """
     if len(z) == 0:
         return Examination(None, (), (), (), 0.0)
     diagnosis = Diagnosis(sampler, box, scale, z)
-    everywhere = _whole_branch(diagnosis, z, eigenvalues)
+    everywhere = None if distance else _whole_branch(diagnosis, z, eigenvalues)
     if everywhere is not None:
         return Examination(diagnosis, (everywhere,), (), (), 0.0)
     # Rates are compared with what they are elsewhere on the branch, not with faster ones.
     usual = float(np.median(np.abs(np.real(eigenvalues)).min(axis=1)))
     locator = Locator(sampler, box, scale, usual=usual, samples=z)
-    gap = _locate(locator, z, eigenvalues, links)
+    gap = _locate(locator, z, eigenvalues, links, distance)
     rough, unmet = meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
     neutral = [name_loss(diagnosis, place) for place in locator.sums(*links)[:1]]
@@ -81,7 +83,7 @@ def examine(
         tuple(neutral),
         (*locator.notes, *_spread_rates(sampler, z, eigenvalues, epsilon)),
         gap,
-        ZERO_TOLERANCE * usual,
+        0.0 if distance else ZERO_TOLERANCE * usual,
         tuple(unmet),
     )
 
@@ -147,7 +149,9 @@ def _has_zero_row(diagnosis: Diagnosis, z: np.ndarray) -> bool:
     return bool((on <= 1e-6 * np.maximum(on, off)).any())
 
 
-def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Links) -> float:
+def _locate(
+    locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Links, distance: float
+) -> float:
     """The least |Re lambda|, refined next to the worst samples; 0 with a loss. Fills the locator."""
     sampler = locator.sampler
     sizes = np.abs(eigenvalues).min(axis=1)
@@ -159,19 +163,20 @@ def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Lin
     nearest = np.argsort(sizes)[:starts] if len(sampler.system.x) == 1 else spread(z, sizes, starts)
     # A matrix that is the same everywhere has its zeros everywhere.
     searched = not (sampler.is_large and sampler.is_constant)
-    locator.zeros(np.vstack([a[changed], z[nearest]]) if searched else z[:0])
-    locator.changes(a[changed], b[changed])
+    if not distance:
+        locator.zeros(np.vstack([a[changed], z[nearest]]) if searched else z[:0])
+        locator.changes(a[changed], b[changed])
     for place, crossing, only_x in poles(sampler, z, LOCATED, locator.box, locator.notes, units=locator.units):
         locator.add(place, crossing, only_x=only_x)
-    distance = signed_gap(eigenvalues, unstable(eigenvalues))
+    gaps = signed_gap(eigenvalues, unstable(eigenvalues))
     if any(not place.is_pole for place in locator.found):
         return 0.0
     if not searched:
-        return float(distance.min())
-    refined = locator.refine(z[np.argsort(distance)[:REFINED]])
+        return float(gaps.min())
+    refined = locator.refine(z[np.argsort(gaps)[:REFINED]], only_gap=distance > 0.0)
     if any(not place.is_pole for place in locator.found):
         return 0.0
-    return float(min(refined, distance.min()))
+    return max(float(min(refined, gaps.min())), distance)
 
 
 def _spread_rates(sampler: Sampler, z: np.ndarray, eigenvalues: np.ndarray, epsilon: float | None) -> list[str]:

@@ -250,10 +250,11 @@ class Locator:
         small = abs(first + second) <= 1e-6 * self.scale
         return bool(real and small and min(abs(first), abs(second)) > 1e-6 * self.scale)
 
-    def refine(self, worst: np.ndarray) -> float:
+    def refine(self, worst: np.ndarray, *, only_gap: bool = False) -> float:
         """The least distance of an eigenvalue from the axis near the samples `worst`, by simplex searches in x.
 
-        The distance is negative where the type is another than at the sample: then the change is located too.
+        The distance is negative where the type is another than at the sample: then the change is located too, but
+        with `only_gap`, where it is known that there is none.
         A search ends when it has taken `SEARCH_STEPS` along the sheet, which is noted.
         """
         from scipy.optimize import minimize
@@ -299,10 +300,10 @@ class Locator:
             is_incomplete = is_incomplete or allowance.spent
             if not np.isfinite(found.fun):
                 continue
-            if found.fun < 0:
+            if found.fun < 0 and not only_gap:
                 y, _ = sampler.over(found.x[None, :], z[None, :])
                 self.changes(z[None, :], np.hstack([found.x[None, :], y]))
-            if found.fun <= ZERO_TOLERANCE * self.usual and not self.found:
+            if found.fun <= ZERO_TOLERANCE * self.usual and not self.found and not only_gap:
                 self.touching(np.append(found.x, sampler.over(found.x[None, :], z[None, :])[0][0]))
             best = min(best, max(float(found.fun), 0.0))
         if is_incomplete:
