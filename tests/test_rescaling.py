@@ -12,7 +12,18 @@ from gsp.errors import GspError
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.scenes.study import study_of
 from tests.cases import sampled
-from tests.rescaling import in_other_units, named_points, reordered, rescaled, scene, scenes, told, verdict
+from tests.rescaling import (
+    VERBS,
+    in_other_units,
+    named_points,
+    reordered,
+    rescaled,
+    retimed,
+    scene,
+    scenes,
+    told,
+    verdict,
+)
 
 SAMPLE = ("nonholonomic_particle", "shishkova", "oscillator_mm")
 """Slow variables in a cascade, fast ones in units of their own, and an oscillation."""
@@ -83,6 +94,21 @@ def test_a_report_says_and_names_the_same_in_other_units(name: str) -> None:
     assert told(found) == told(expected)
     points = named_points(expected, dict.fromkeys(powers, 0))
     assert named_points(found, powers) == pytest.approx(points, rel=1e-6, abs=1e-9, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "verbs"),
+    sampled(
+        [*((name, VERBS) for name in scenes()), ("van_der_pol", ("report",))],
+        always=[("van_der_pol", ("report",))],
+    ),
+)
+def test_units_of_time_change_no_verdict(name: str, verbs: tuple[str, ...]) -> None:
+    """Half the scenes in a short unit and half in a long one; `python -m tests.rescaling --time` tries all with both."""
+    plain = scene(name)
+    other = retimed(plain, 6 if scenes().index(name) % 2 else -6)
+    for verb in verbs:
+        assert verdict(other, verb) == verdict(plain, verb), verb
 
 
 def test_a_sheet_is_followed_to_where_it_stands_in_units_in_which_it_is_large() -> None:

@@ -23,8 +23,8 @@ from gsp.sliding.sharpened import sharpened
 from gsp.splitting.switches import without_switches
 from gsp.systems.system import SlowFastSystem, VectorField
 
-# A flight lasts so long at most, in slow time, and crosses the surface so often.
-LONGEST, CROSSINGS = 1e4, 100
+# A flight crosses the surface so often at most.
+CROSSINGS = 100
 # Sheets are looked for between so many places, even in the angle whose tangent is v.
 PLACES = 4096
 
@@ -62,8 +62,12 @@ class Flights:
         self._events = {side: Event(sharp.surface, direction=-side, terminal=True) for side in self._flows}
         self._layer = compile_over(system, [laurent(system.g[0], system.epsilon, order=0).get(0, sp.S.Zero)])
 
-    def after(self, point: Mapping[str, float], *, beyond: float, rtol: float, atol: float) -> Flight | None:
-        """The flight of an orbit that leaves M0 at `point` for v = `beyond`; None where it does not come back."""
+    def after(
+        self, point: Mapping[str, float], *, beyond: float, longest: float, rtol: float, atol: float
+    ) -> Flight | None:
+        """The flight of an orbit that leaves M0 at `point` for v = `beyond`; None where it is not back after `longest`,
+        in slow time.
+        """
         side = 1 if beyond > point[self._switch.fast.name] else -1
         state, t = self._on_surface(point), 0.0
         runs: list[Trajectory] = []
@@ -71,7 +75,7 @@ class Flights:
             run = trajectory_of(
                 self._flows[side],
                 start=state,
-                span=(t, LONGEST),
+                span=(t, longest),
                 rtol=rtol,
                 atol=atol,
                 options=RunOptions(events=self._events[side]),

@@ -39,7 +39,7 @@ from gsp.systems.arguments import check_noun, check_progress, check_whole, shown
 from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
 from gsp.systems.system import VectorField
 
-# Slow pieces are followed at this tolerance, each for at most so much slow time.
+# Slow pieces are followed at this tolerance, each for at most so many times the slow time in which it gets somewhere.
 RTOL = 1e-11
 ATOL = 0.01 * RTOL
 PATIENCE = 1e4
@@ -238,7 +238,7 @@ def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[Slow
     run = _run(flow, branch, point)
     if run.status is not Status.FOLD_REACHED:
         if run.status.ok:
-            why = Reason(f"no fold within a slow time of {PATIENCE:g}: the slow flow settles")
+            why = Reason(f"no fold within a slow time of {run.t[-1] - run.t[0]:g}")
             return SlowPiece(run, None), why
         return SlowPiece(run, None), Reason(f"the slow flow ends otherwise than at a fold: {run.message}")
     ends = np.array([run[s.name] for s in branch.system.states])
@@ -249,15 +249,20 @@ def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[Slow
         passage = passage_at(branch.system, fold, sizes=branch.units)
     except PassageError as error:
         return SlowPiece(run, None), error.reason
-    return SlowPiece(run, passage, _flown(passage, passage.point, flights)), NO_REASON
+    flown = _flown(
+        passage, passage.point, flights, longest=_longest(branch, values_by_name(point, what="start"))
+    )
+    return SlowPiece(run, passage, flown), NO_REASON
 
 
-def _flown(passage: FoldPassage, point: Mapping[str, float], flights: Flights | None) -> Flight | None:
-    """The flight from a point beside the fold; None where the drop lands on a sheet, or it does not come back."""
+def _flown(
+    passage: FoldPassage, point: Mapping[str, float], flights: Flights | None, *, longest: float
+) -> Flight | None:
+    """The flight from a point beside the fold; None where the drop lands on a sheet, or it does not come back in time."""
     if flights is None or passage.drop.lands:
         return None
     (fast,) = (y.name for y in passage.system.y)
-    return flights.after(point, beyond=passage.drop.point[fast], rtol=RTOL, atol=ATOL)
+    return flights.after(point, beyond=passage.drop.point[fast], longest=longest, rtol=RTOL, atol=ATOL)
 
 
 def _landed_on(branch: Branch, point: Point) -> Branch:
@@ -283,12 +288,21 @@ def _run(flow: ReducedFlow, branch: Branch, point: Point) -> Trajectory:
     return trajectory_of(
         flow,
         start={name: value for name, value in start.items() if name in slow},
-        span=(0.0, PATIENCE),
+        span=(0.0, _longest(branch, start)),
         # Order 0 does not depend on epsilon; the value is asked for all the same.
         epsilon=1.0,
         rtol=RTOL,
         atol=ATOL * float(min(branch.units or (1.0,))),
     )
+
+
+def _longest(branch: Branch, start: Mapping[str, float]) -> float:
+    """How long a piece from `start` is followed, in slow time; one that stands still gets nowhere in any."""
+    unit = branch.scales[0]
+    x = np.array([start[s.name] for s in branch.system.x])
+    z = np.concatenate([x, branch.through(start).points(x[None, :])[0]])
+    speed = float(np.linalg.norm(Sampler(branch).rates(z[None, :])[0, : len(x)] / unit))
+    return PATIENCE * (1.0 + float(np.linalg.norm(x / unit))) / (speed or 1.0)
 
 
 def _closed(landings: list[np.ndarray], landed: np.ndarray) -> int:
@@ -354,7 +368,12 @@ def _flight_sensitivity(
     for i, name in enumerate(names):
         h = SHIFT * branch.scales[0][i]
         ends = [
-            _flown(piece.fold, {**piece.fold.point, name: piece.fold.point[name] + sign * h}, flights)
+            _flown(
+                piece.fold,
+                {**piece.fold.point, name: piece.fold.point[name] + sign * h},
+                flights,
+                longest=PATIENCE * piece.flight.duration,
+            )
             for sign in (1.0, -1.0)
         ]
         if None in ends:

@@ -129,7 +129,7 @@ def test_an_orbit_that_settles_does_not_close():
     assert not orbit.closes
     assert orbit.coefficients is None
     assert np.isnan(orbit.period(0.01))
-    assert "settles" in orbit.message
+    assert "no fold within a slow time" in orbit.message
 
 
 def test_an_orbit_that_escapes_says_so():

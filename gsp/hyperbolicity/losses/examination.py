@@ -149,9 +149,7 @@ def _has_zero_row(diagnosis: Diagnosis, z: np.ndarray) -> bool:
     return bool((on <= 1e-6 * np.maximum(on, off)).any())
 
 
-def _locate(
-    locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Links, distance: float
-) -> float:
+def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Links, distance: float) -> float:
     """The least |Re lambda|, refined next to the worst samples; 0 with a loss. Fills the locator."""
     sampler = locator.sampler
     sizes = np.abs(eigenvalues).min(axis=1)

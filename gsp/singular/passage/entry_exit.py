@@ -32,6 +32,8 @@ from gsp.systems.region import Interval, check_region
 
 # The branch counts as invariant when its residual is below this, relative to its terms, at these epsilons.
 INVARIANT, TRIED = 1e-10, (0.37, 0.11)
+# How long an orbit is followed, as a multiple of the slow time in which it gets somewhere.
+PATIENCE = 100.0
 # Takeovers nearer than this share of the slow time are one: where two eigenvalues meet they are known to the root of
 # rounding.
 SAME = 1e-4
@@ -42,12 +44,12 @@ def entry_exit(
     *,
     start: Point,
     region: Mapping[str, Interval] | None = None,
-    longest: float = 100.0,
+    longest: float | None = None,
 ) -> DelayedExit:
     """Where an orbit that comes to `branch` over the slow variables `start` leaves it after a loss of stability.
 
-    The reduced orbit is followed through the losses for at most `longest` in slow time, and while it stays in
-    `region` (states by name). An implicit branch needs its sheet fixed. Any number of slow and of fast variables;
+    The reduced orbit is followed through the losses for at most `longest` in slow time, or `PATIENCE` times that in
+    which it gets somewhere, and while it stays in `region` (states by name). An implicit branch needs its sheet fixed. Any number of slow and of fast variables;
     several fast modes are taken to be coupled, as they are by eigenvectors that turn, so that the rightmost
     eigenvalue counts.
 
@@ -66,7 +68,8 @@ def entry_exit(
     array, single = as_points(system.x, start, what="start")
     if not single:
         raise DeclarationError("start is one point.", "Call entry_exit for each.", got=f"{len(array)} of them")
-    longest = check_number(longest, what="longest", be="a positive slow time", above=0.0)
+    if longest is not None:
+        longest = check_number(longest, what="longest", be="a positive slow time", above=0.0)
     if not np.isfinite(array).all():
         raise DeclarationError("start is finite.", got=shown(start), value=start)
     box = None if region is None else check_region(region, [s.name for s in system.states])
@@ -78,7 +81,7 @@ def entry_exit(
             f"{np.array2string(values, precision=4)}.",
             "Start where all real parts are negative.",
         )
-    return _Passage(orbit, box, float(longest)).result()
+    return _Passage(orbit, box, PATIENCE * orbit.time if longest is None else longest).result()
 
 
 class _Passage:

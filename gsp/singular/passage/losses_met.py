@@ -39,7 +39,8 @@ from gsp.systems.flow import check_epsilon
 
 # Zeros of the parabolic cylinder function are looked for up to here: exp(-z^2) is rounding by then.
 FARTHEST, SAMPLES = 6.5, 2000
-# Orders of the formal slow manifold that are searched for a pole at the loss, and where: distances from it in time.
+# Orders of the formal slow manifold that are searched for a pole at the loss, and where: distances from it, as shares
+# of the time in which the orbit gets somewhere.
 ORDERS, OFFSETS = 6, (1e-2, 1e-3)
 
 
@@ -208,10 +209,12 @@ def _higher_order(orbit: SlowOrbit, t: float, z: np.ndarray, crossing: float) ->
     try:
         series = expand(orbit.branch, order=ORDERS, symbolic=False)
         sizes = []
-        for s in OFFSETS:
-            point = orbit.at(t - s)
+        for share in OFFSETS:
+            point = orbit.at(t - share * orbit.time)
             near = None if orbit.branch.is_explicit else point[m:]
-            sizes.append(s * (np.asarray(series.terms(point[:m], 1.0, near=near)).reshape(ORDERS + 1, -1) @ l))
+            sizes.append(
+                share * (np.asarray(series.terms(point[:m], 1.0, near=near)).reshape(ORDERS + 1, -1) @ l)
+            )
     except GspError:
         return {}
     far, close = sizes
@@ -219,7 +222,7 @@ def _higher_order(orbit: SlowOrbit, t: float, z: np.ndarray, crossing: float) ->
         if abs(close[k]) > 0.3 * abs(far[k]) and abs(close[k]) > 1e-10:
             # At t - s the denominator kappa t is negative.
             length = float(np.linalg.norm(unit * right[-1]))
-            return {"order": float(k), "rho_k": float(crossing * close[k] * length)}
+            return {"order": float(k), "rho_k": float(crossing * orbit.time * close[k] * length)}
     return {}
 
 
