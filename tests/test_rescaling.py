@@ -97,14 +97,15 @@ def test_a_report_says_and_names_the_same_in_other_units(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "verbs"),
+    "case",
     sampled(
         [*((name, VERBS) for name in scenes()), ("van_der_pol", ("report",))],
         always=[("van_der_pol", ("report",))],
     ),
 )
-def test_units_of_time_change_no_verdict(name: str, verbs: tuple[str, ...]) -> None:
-    """Half the scenes in a short unit and half in a long one; `python -m tests.rescaling --time` tries all with both."""
+def test_units_of_time_change_no_verdict(case: tuple[str, tuple[str, ...]]) -> None:
+    """Half the scenes in a short unit, half in a long one; `python -m tests.rescaling --time` tries all with both."""
+    name, verbs = case
     plain = scene(name)
     other = retimed(plain, 6 if scenes().index(name) % 2 else -6)
     for verb in verbs:

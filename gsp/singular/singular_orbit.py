@@ -258,7 +258,7 @@ def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[Slow
 def _flown(
     passage: FoldPassage, point: Mapping[str, float], flights: Flights | None, *, longest: float
 ) -> Flight | None:
-    """The flight from a point beside the fold; None where the drop lands on a sheet, or it does not come back in time."""
+    """The flight from a point beside the fold; None where the drop lands on a sheet, or it does not come back."""
     if flights is None or passage.drop.lands:
         return None
     (fast,) = (y.name for y in passage.system.y)

@@ -49,9 +49,9 @@ def entry_exit(
     """Where an orbit that comes to `branch` over the slow variables `start` leaves it after a loss of stability.
 
     The reduced orbit is followed through the losses for at most `longest` in slow time, or `PATIENCE` times that in
-    which it gets somewhere, and while it stays in `region` (states by name). An implicit branch needs its sheet fixed. Any number of slow and of fast variables;
-    several fast modes are taken to be coupled, as they are by eigenvectors that turn, so that the rightmost
-    eigenvalue counts.
+    which it gets somewhere, and while it stays in `region` (states by name). An implicit branch needs its sheet fixed.
+    Any number of slow and of fast variables; several fast modes are taken to be coupled, as they are by eigenvectors
+    that turn, so that the rightmost eigenvalue counts.
 
     Raises `PassageError` where the branch does not attract at the start, and where it ends (a fold);
     `UnsupportedFunctionError` when a pair is lost and the field is not analytic; `DeclarationError` for arguments
