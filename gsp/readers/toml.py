@@ -200,7 +200,7 @@ def scene_of(document: dict, file: Path) -> Scene:
     tables = {key: values.table(document, key) for key in _TABLES}
     system, symbols, definitions = _system(document, tables, name)
     scene = tables["scene"]
-    values.check_keys(scene, _SCENE, "scene.", elsewhere={"": TEXT})
+    values.check_keys(scene, _SCENE, "scene.", elsewhere={"": TEXT}, tables=_TABLES)
     small = system.epsilon is not None
     missing = {key: line for key, line in (NEEDED_OF_SMALL if small else NEEDED).items() if key not in scene}
     if missing:

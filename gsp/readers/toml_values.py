@@ -18,10 +18,15 @@ WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 
 def check_keys(
-    table: Iterable[str], known: Sequence[str], prefix: str = "", *, elsewhere: Mapping[str, Iterable[str]] = {}
+    table: Iterable[str],
+    known: Sequence[str],
+    prefix: str = "",
+    *,
+    elsewhere: Mapping[str, Iterable[str]] = {},
+    tables: Iterable[str] = (),
 ) -> None:
     """Refuse a key of `table` that is none of `known`; `elsewhere` tells the keys of other tables, named so; "" is the
-    top of the file."""
+    top of the file. `tables` are those of the file."""
     for key in table:
         if key in known:
             continue
@@ -32,6 +37,8 @@ def check_keys(
                 if other
                 else " It belongs above the first table."
             )
+        if key in tables:
+            remedy = f" It is a table of its own: write [{key}] on a line, and its keys below."
         raise ModelFileError(f"{prefix}{key[:64]} is unknown.{remedy} The keys here are {', '.join(known)}.")
 
 

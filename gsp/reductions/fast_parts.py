@@ -8,7 +8,7 @@ rate of a complex along the stoichiometry of its binding, so that totals are slo
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import sympy as sp
@@ -60,23 +60,25 @@ class FastPart:
         )
 
 
-def fast_parts(field: VectorField) -> list[FastPart]:
-    """The candidates of a field, quasi-steady states of few species first."""
+def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = ()) -> list[FastPart]:
+    """The candidates of a field, quasi-steady states of few species first, and those of the `large` sets of states."""
     groups = _reactions(field)
     complexes, bound = _bound(field, groups)
-    found: list[FastPart] = []
     states = field.states
+
+    def quasi_steady(chosen: Collection[sp.Symbol]) -> FastPart:
+        kind = "standard " if set(chosen) <= complexes else "reverse " if set(chosen) <= bound else ""
+        unit = tuple({s: sp.Integer(1)} for s in chosen)
+        rates = tuple(field.equations[s] for s in chosen)
+        return FastPart(f"{kind}quasi-steady state of {', '.join(s.name for s in chosen)}", unit, rates)
+
+    found: list[FastPart] = []
     for size in range(1, min(LARGEST_SET, len(states) - 1) + 1):
         sets = list(itertools.combinations(states, size))
         if len(found) + len(sets) > MOST:
             break
-        for chosen in sets:
-            kind = "standard " if set(chosen) <= complexes else "reverse " if set(chosen) <= bound else ""
-            names = ", ".join(s.name for s in chosen)
-            unit = tuple({s: sp.Integer(1)} for s in chosen)
-            found.append(
-                FastPart(f"{kind}quasi-steady state of {names}", unit, tuple(map(field.equations.get, chosen)))
-            )  # pyright: ignore[reportArgumentType]
+        found += map(quasi_steady, sets)
+    listed = {frozenset(part.states or ()) for part in found}
     reversible = {d: rate for d, rate in groups.items() if len(d) > 1 and _is_reversible(rate)}
     for several in _together(tuple(reversible)):
         told = " and ".join(map(_told, several))
@@ -90,7 +92,7 @@ def fast_parts(field: VectorField) -> list[FastPart]:
                 along = {s: n / number for s, n in direction}
                 name = f"total quasi-steady state of {state.name} in {told}"
                 found.append(FastPart(name, (along,), (field.equations[state],)))
-    return found[:MOST]
+    return [*found[:MOST], *(quasi_steady(chosen) for chosen in large if frozenset(chosen) not in listed)]
 
 
 def _reactions(field: VectorField) -> dict[tuple[tuple[sp.Symbol, sp.Rational], ...], sp.Expr]:

@@ -473,6 +473,11 @@ CHANGES = {
     "key twice": ("kappa = 1", "kappa = 1\nkappa = 2", ("not valid TOML",)),
     "unknown table": ("[region]", "[regions]", ("regions is unknown", 'Did you mean "region"')),
     "unknown key": ("span =", "spam =", ("scene.spam is unknown", 'Did you mean "span"')),
+    "table of the top": (
+        "span =",
+        "start = {x = 1}\nspan =",
+        ("scene.start is unknown", "write [start] on a line"),
+    ),
     "key of the top": ("span =", "title =", ("scene.title is unknown", "It belongs above the first table")),
     "key of another table": ("[parameters]", "span = [0, 5]\n[parameters]", ("span is unknown", "scene.span")),
     "value of epsilon at the top": (

@@ -383,3 +383,19 @@ def test_where_no_part_with_a_name_serves_a_special_value_may() -> None:
     assert found.recommended is not None
     assert found.recommended.name == "motion onto u - v = 0, for small k"
     assert found.recommended.error <= TOLERANCE
+
+
+def test_states_that_are_fast_together_are_a_candidate_however_many_they_are() -> None:
+    """Four states relax together onto a slow fifth; sets of four are not tried one by one."""
+    equations = {
+        "i": "(24 - i*4/5 - w/20)/La",
+        "w": "(i/20 - w/50000 - w**2/2500000)/J",
+        "p": "(w/100 - q)/Cv",
+        "q": "(p - q*3/10)/Ih",
+        "T": "(i**2*4/5 - (T - 25)/2)/300",
+    }
+    parameters = {"La": 0.0006, "J": 0.0004, "Cv": 0.004, "Ih": 0.0008}
+    found = find_reductions(scene(equations, parameters, {**dict.fromkeys("iwpq", 0), "T": 25}, 3))
+    assert found.recommended is not None
+    assert found.recommended.name == "quasi-steady state of i, w, p, q"
+    assert "Fast there: i, w, p, q" in found.scales.message

@@ -289,3 +289,12 @@ def test_power_series_outside_the_domain_are_not_finite(expression: sp.Expr) -> 
         ball = balls.hull(-1.0, 3.0)
         (found,) = function([[ball, arb(1)]], 3)
     assert not all(value.is_finite() for value in found)
+
+
+def test_the_region_is_rounded_outwards() -> None:
+    low, high = R(1, 3), R(5, 3)
+    found = gsp.certify(forced(), region={"x": (low, high)})
+    assert found.verdict == "proved"
+    first, last = (sp.Rational(float(end)) for end in found.region["x"])
+    assert low - R(1, 10**15) < first < low
+    assert high < last < high + R(1, 10**15)
