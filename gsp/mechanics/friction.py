@@ -204,9 +204,8 @@ def with_friction(
     With `law="coulomb"` each constraint is the slip of a contact with the force -mu N phi(w/epsilon), `mu` and
     `normal` N for all or a list with one for each, of parameters and positions; phi(r) = r/sqrt(1 + r^2). A pair of
     constraints in the list is the slip of one contact in a plane, whose cone is elliptic where its mu is a pair. `law`
-    may also name another phi, "linear", "cubic", "tanh", "algebraic" or "atan", or be an expression in one symbol,
-    such as Stribeck's.
-    This gives a `DryFrictionSystem`, whose `no_slip(start=..., span=...)` answers whether the constraints hold.
+    may also name another phi, "linear", "cubic", "tanh", "algebraic", "atan" or "stribeck", or be an expression in one
+    symbol. This gives a `DryFrictionSystem`, whose `no_slip(start=..., span=...)` answers whether the constraints hold.
 
     Raises `DeclarationError` for what `constrain` refuses, for a Lagrangian that
     is not quadratic in the velocities, for a B that is no damping, and for contacts that are none.

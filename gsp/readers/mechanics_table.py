@@ -34,6 +34,7 @@ from gsp.readers.definitions import read_definitions
 from gsp.readers.expressions import RESERVED, Definitions
 from gsp.readers.limits import at_most
 from gsp.scenes.scene import Scene
+from gsp.sliding.law import LAWS
 from gsp.sliding.no_slip import Contacts
 from gsp.systems.system import SlowFastSystem
 
@@ -52,7 +53,7 @@ KEYS = (
     "normal",
 )
 # The laws that are called by a name; others are expressions in w.
-NAMED = (COULOMB, "linear", "cubic", "tanh", "algebraic", "atan")
+NAMED = (COULOMB, *LAWS)
 EQUATIONS = ("slow", "fast", "states")
 WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 

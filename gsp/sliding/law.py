@@ -32,6 +32,8 @@ LAWS: Mapping[str, sp.Expr] = MappingProxyType(
         "tanh": sp.tanh(W),
         "algebraic": W / sp.sqrt(1 + W**2),
         "atan": 2 * sp.atan(W) / sp.pi,
+        # Static friction, its maximum at w = sqrt(3), is 3 sqrt(3)/4 = 1.30 of kinetic friction.
+        "stribeck": W / sp.sqrt(1 + W**2) + W / (1 + W**2),
     }
 )
 # Peaks are looked for between so many places, even in the angle whose tangent is w.
@@ -116,7 +118,7 @@ class SwitchLaw(Card):
 
 
 def switch_law(phi: str | sp.Expr | SwitchLaw) -> SwitchLaw:
-    """The law named `phi` ("linear", "cubic", "tanh", "algebraic", "atan"), or an expression in one symbol.
+    """The law named `phi` ("linear", "cubic", "tanh", "algebraic", "atan", "stribeck"), or an expression in one symbol.
 
     Raises `DeclarationError` for an expression that does not rise through 0 or does not tend to -1 and 1.
     """

@@ -153,9 +153,9 @@ def switching(
     """X+ (1 + phi)/2 + X- (1 - phi)/2 with phi(surface/epsilon): a field that switches, made smooth.
 
     `plus` and `minus` map states to their rates where `surface` > 0 and < 0. `phi` is the name of a law, "linear",
-    "cubic" (both clipped), "tanh", "algebraic" or "atan", or an expression in one symbol that tends to -1 and 1; it may
-    overshoot, as Stribeck's. `split` makes v = surface/epsilon a fast variable; the reduced flow of order 0 is
-    Filippov's sliding field, `PiecewiseField.sliding`. Raises `DeclarationError` for what makes no such field.
+    "cubic" (both clipped), "tanh", "algebraic", "atan" or "stribeck", or an expression in one symbol that tends to -1
+    and 1; it may overshoot, as Stribeck's. `split` makes v = surface/epsilon a fast variable; the reduced flow of order
+    0 is Filippov's sliding field, `PiecewiseField.sliding`. Raises `DeclarationError` for what makes no such field.
 
     >>> x, y, epsilon = sp.symbols("x y epsilon")
     >>> switching({x: 1, y: x}, minus={x: 1, y: 1}, surface=y, phi="tanh", epsilon=epsilon).rates

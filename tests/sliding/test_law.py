@@ -56,6 +56,12 @@ def test_the_peak_of_the_law_of_the_belt() -> None:
     assert 0.4 * end.value == pytest.approx(0.897747883876, abs=1e-12)
 
 
+def test_the_peak_of_stribecks_law_is_known_in_closed_form() -> None:
+    end = switch_law("stribeck").upper
+    assert end.kind is LawEndKind.PEAK
+    assert (end.place, end.value) == pytest.approx((3**0.5, 0.75 * 3**0.5), rel=1e-14)
+
+
 def test_the_two_ends_of_a_law_that_is_not_odd() -> None:
     law = switch_law(sp.Max(-1, sp.Min(1, W + sp.Min(0, W))))
     assert (law.upper.place, law.lower.place) == (1.0, 0.5)

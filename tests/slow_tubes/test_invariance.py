@@ -68,7 +68,9 @@ def test_a_right_series_that_is_not_seen_to_be_right_is_not_called_wrong() -> No
 def test_a_wrong_series_is_called_wrong_with_functions_and_without(fast: sp.Expr, k: int, sign: int) -> None:
     right = series({x: -x}, {y: fast})
     ring = right.chart.ring
-    wrong = [[e + ring.constant(R(sign, 10**9)) if i == k else e for i, e in enumerate(row)] for row in right._h]
+    wrong = [
+        [e + ring.constant(R(sign, 10**9)) if i == k else e for i, e in enumerate(row)] for row in right._h
+    ]
     manifold = replace(right, _h=wrong)
     tube = certify(manifold, region={"x": (0, 1)}, epsilon=0.05)
     bound = bound_reduction(manifold, start={"x": 1.0}, span=(0.0, 1.0), epsilon=0.05)
