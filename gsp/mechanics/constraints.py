@@ -132,6 +132,9 @@ class ConstrainedSystem:
         write = self.hamel.algebra.write
         rates = [write(e) for e in self.hamel.on_distribution[0]]
         positions = {q: write(e) for q, e in self.hamel.positions(on_distribution=True).items()}
+        if not rates:
+            # Every velocity is held: the positions are what is left to be followed, at rest.
+            return positions, {}, rates
         matter, driven = split_positions(positions, rates, self.system.clock)
         return matter, driven, rates
 

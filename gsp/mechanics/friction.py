@@ -242,7 +242,7 @@ def with_friction(
     if not is_viscous:
         phi = switch_law("algebraic" if isinstance(law, str) and law == COULOMB else law)
         flat, rows = grouped(constraints)
-        forms = read_constraints(system, flat)
+        forms = read_constraints(system, flat, may_stop=True)
         contacts = read_contacts(system, rows, mu, normal)
         adapted = moving_frame(system, forms, frame, reserved=(epsilon,))
         strengths = [e for contact in contacts for e in (*contact.mu, contact.normal)]

@@ -63,10 +63,13 @@ class HamelEquations:
     def schur_inverse(self) -> Matrix:
         """(G_ww - G_wu C)^-1 = A M^-1 A^T (k, k): the mobility of the slip velocities."""
         a, algebra = self.along, self.algebra
-        product = algebra.multiply([row[:a] for row in self.metric[a:]], self.coupling)
-        schur = [
-            [(x - y).reduced() for x, y in zip(row[a:], other)] for row, other in zip(self.metric[a:], product)
-        ]
+        schur = self.metric
+        if a:
+            product = algebra.multiply([row[:a] for row in self.metric[a:]], self.coupling)
+            schur = [
+                [(x - y).reduced() for x, y in zip(row[a:], other)]
+                for row, other in zip(self.metric[a:], product)
+            ]
         try:
             return algebra.inverse(schur)
         except HyperbolicityError:

@@ -54,7 +54,10 @@ def linear_form(system: LagrangianSystem, expression: sp.Expr, what: str) -> tup
 
 
 def read_constraints(
-    system: LagrangianSystem, constraints: Sequence[sp.Expr] | Mapping[sp.Symbol, sp.Expr]
+    system: LagrangianSystem,
+    constraints: Sequence[sp.Expr] | Mapping[sp.Symbol, sp.Expr],
+    *,
+    may_stop: bool = False,
 ) -> VelocityForms:
     """The constraints as forms; raises `DeclarationError` when one is none or depends on others."""
     if isinstance(constraints, Mapping):
@@ -94,7 +97,7 @@ def read_constraints(
     held = system.holonomic_forms
     forms = VelocityForms(tuple(given), matrix, tuple(offset), names, sp.ImmutableMatrix(matrix.col_join(held)))
     _refuse_dependent(system, forms)
-    if len(given) + held.rows >= n:
+    if len(given) + held.rows >= n + may_stop:
         raise DeclarationError(
             f"{len(given) + held.rows} constraints on {n} velocities leave no motion: "
             f"{', '.join(map(str, (*given, *system.holonomic)))}.",

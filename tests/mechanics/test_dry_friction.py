@@ -222,3 +222,21 @@ def test_a_start_that_slips_is_refused() -> None:
         sleigh().no_slip(start={"x": 0, "y": 0, "phi": 0, "v": 1, "omega": 0, "w": 0.5}, span=(0, 1))
     with pytest.raises(DeclarationError, match="the start slips: w = 1"):
         sleigh().no_slip(start={"x": 0, "y": 0, "phi": 0, "xdot": 0, "ydot": 1, "phidot": 0}, span=(0, 1))
+
+
+def test_contacts_may_hold_every_velocity() -> None:
+    """A door at rest: its closer's spring against the hinge, 0.6 of 1.2; pushed over, it lets go past 1.2."""
+    phi, phidot, t = sp.symbols("phi phidot t")
+    spring = sp.Rational(5, 2) * phidot**2 - sp.Rational(3, 2) * (phi + sp.Rational(1, 2)) ** 2
+    door = LagrangianSystem(spring, [phi], [phidot])
+    hinge = with_friction(door, [phidot], epsilon=epsilon, law="coulomb", mu=1, normal=1.2)
+    found = hinge.no_slip(start={"phi": -0.3, "phidot": 0}, span=(0, 5))
+    assert found.holds
+    assert "0.5 of what it bears" in str(found)
+    pushed = LagrangianSystem(spring, [phi], [phidot], forces={phi: t}, time=t)
+    held = with_friction(pushed, [phidot], epsilon=epsilon, law="coulomb", mu=1, normal=1.2)
+    start = {"phi": -0.3, "phidot": 0, "t": 0}
+    failing = held.no_slip(start=start, span=(0, 5))
+    assert not failing.holds
+    assert "t = 1.8" in str(failing)
+    assert held.run(start=start, span=(0, 3)).pieces[0].run.t[-1] == pytest.approx(1.8, abs=1e-9)

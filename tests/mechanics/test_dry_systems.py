@@ -1,4 +1,4 @@
-"""Seventeen systems with dry friction: sticking, slipping and the times between, against SciPy on Lagrange's equations.
+"""Nineteen systems with dry friction: sticking, slipping and the times between, against SciPy on Lagrange's equations.
 
 SciPy runs M qdd = R + A^T f in the raw velocities with f = -mu N tanh(w/epsilon) at a tiny epsilon, without frames,
 elimination or events. What it slips by while it sticks is of that size.
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
+from sympy import Rational as R
 
 from gsp.mechanics import DryFrictionSystem, LagrangianSystem, with_friction
 from gsp.readers.toml import read_model
@@ -205,10 +206,23 @@ CASES = {
         xdot**2 / 2 + phidot**2 / 2, (x, phi), (xdot, phidot), (xdot - phidot,), (0.5,),
         {"x": 0, "phi": 0, "xdot": 1, "phidot": -0.5}, 3.0,
     ),
+    "a door with a closer": Case(
+        5 * phidot**2 / 2 - 3 * (phi + R(1, 2)) ** 2 / 2, (phi,), (phidot,), (phidot,), (1.2,),
+        {"phi": 1.2, "phidot": 0}, 8.0, forces={phi: -2 * phidot},
+    ),
+    "a finger that drags a pad over a table": Case(
+        xdot**2 / 2 + Xdot**2 / 4 - 10 * (X - sp.sin(t) / 2) ** 2, (x, X), (xdot, Xdot), (Xdot - xdot, xdot),
+        (1.6, 0.3), {"x": 0, "X": 0, "xdot": 0, "Xdot": 0, "t": 0}, 4.0,
+    ),
 }  # fmt: skip
 
 
-QUICK = ("a block on a belt, pulled by another", "a wheel that locks", "a ring thrown with backspin")
+QUICK = (
+    "a block on a belt, pulled by another",
+    "a door with a closer",
+    "a wheel that locks",
+    "a ring thrown with backspin",
+)
 
 
 @pytest.mark.parametrize(
