@@ -122,11 +122,16 @@ def with_letters(app, doctree) -> None:
             text.parent.replace(text, list(raised(in_unicode(str(text)))))
 
 
+# What stands behind ^ and _: a letter or a number, or brackets with one pair of brackets within, ^(n/(2n - 1)).
+BRACKETS = r"\((?:[^()]|\([^()]*\))+\)"
+SCRIPTS = re.compile(rf"(?<=[\w)\]|])(\^(?:\w|-\w+|{BRACKETS})(?!\w)|(?<=\b\w)_(?:\w|{BRACKETS})(?!\w))")
+
+
 def raised(text: str) -> Iterator[nodes.Node]:
-    """Text with what stands behind ^ above it, and a letter behind _ below it, as in ε^N, A^(k + 1) and z_i."""
-    for part in re.split(r"(?<=[\w)\]|])(\^(?:\w|\([^()]+\))(?!\w)|(?<=\b\w)_\w(?!\w))", text):
+    """Text with what stands behind ^ above it, and a letter or brackets behind _ below it, as in A^(k + 1) and z_i."""
+    for part in SCRIPTS.split(text):
         kind = {"^": nodes.superscript, "_": nodes.subscript}.get(part[:1]) if len(part) > 1 else None
-        yield nodes.Text(part) if kind is None else kind("", part[1:].strip("()"))
+        yield nodes.Text(part) if kind is None else kind("", part[2:-1] if part[1] == "(" else part[1:])
 
 
 def as_restructured_text(app, what, name, obj, options, lines: list[str]) -> None:

@@ -172,7 +172,7 @@ class Page(Setting):
         facts: dict[str, Callable[[], Markup]] = {
             "slow, fast": self.variables,
             "kind": lambda: Markup("normally hyperbolic, {} ({}){}").format(
-                found.kind, found.evidence, self.leaving()
+                found.kind, words(found.evidence), self.leaving()
             ),
             "gap": self.gap,
             "series": lambda: Markup("through order {}, exact").format(self.analysis.series.order),
