@@ -139,7 +139,8 @@ def test_json_has_no_certificate_where_none_was_asked_for() -> None:
     content = hyperbolicity_as_json(classify(branch(x - 2 * y), region={"x": (0, 1)}))
     assert content["certificate"] is None
     assert content["exclusion"] == {
-        "tried": 1, "left": [], "share": 0, "reason": "", "gap": 2, "by_discriminant": True
+        "tried": 1, "left": [], "share": 0, "reason": "", "gap": 2, "by_discriminant": True,
+        "drops_rounding": False,
     }  # fmt: skip
 
 
