@@ -148,3 +148,9 @@ def test_the_ends_of_a_panel_have_the_sign_within_it() -> None:
     assert signs is not None
     left = PANELS.ends[:-1, None] < 1.1
     np.testing.assert_array_equal(signs, np.where(np.broadcast_to(left, TAU.shape), 2.0, 0.0))
+
+
+def test_signals_that_decay_differently_are_told_apart() -> None:
+    first, second, plain = signal(2.0, decay=0.5), signal(2.0, decay=-0.5), signal(2.0)
+    assert len({first.key, second.key, plain.key}) == 3
+    assert plain.key == signal(2.0).key

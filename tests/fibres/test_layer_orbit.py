@@ -136,3 +136,34 @@ def test_a_layer_through_a_jump_is_refused() -> None:
             np.zeros(1),
             np.array([3.0]),
         )
+
+
+def met(slow: sp.Expr, fast: sp.Expr) -> Landing:
+    """The layer over x = 1 from y = 5 down to y = 2 x, which meets y = 3 on its way."""
+    system = SlowFastSystem(slow={x: slow}, fast={y: fast}, epsilon=eps)
+    return land(solve_critical(system).nearest({"x": 1.0, "y": 2.0}), np.array([1.0]), np.array([5.0]))
+
+
+def test_a_layer_on_which_the_slow_rate_jumps_is_refused_and_one_with_a_kink_is_cut_there() -> None:
+    """y - 2 = 3 exp(-tau) is 1 after ln 3; with a kink in g, 2/5 + 13/5 exp(-5 tau/4) is 1 after 4/5 ln(13/3)."""
+    plain = -(y - 2 * x)
+    with pytest.raises(
+        BranchError, match=r"between the fast times 0 and 1\.099: the field is not smooth there"
+    ):
+        met(1 + sp.sign(y - 3), plain)
+    assert met(1 + sp.Abs(y - 3), plain).kinks == pytest.approx([np.log(3.0)], rel=1e-12)
+    found = met(sp.Integer(1), plain - sp.Abs(y - 3) / 4 + sp.Rational(1, 4))
+    assert found.kinks == pytest.approx([0.8 * np.log(13 / 3)], rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_eigenvalues_are_those_of_the_layer_as_it_is_followed(sign: int) -> None:
+    found = landing(sign * (y - 2 * x), 5.0, 2.0)
+    assert found.eigenvalues == pytest.approx([-1.0])
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_start_outside_the_basin_is_told_which_way_the_layer_was_followed(sign: int) -> None:
+    with pytest.raises(BranchError, match="outside the basin") as caught:
+        landing(sign * (y**3 - y), -0.5, 1.0)
+    assert ("run backward, as the branch repels" in str(caught.value)) is (sign > 0)
