@@ -18,12 +18,13 @@ from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.flow import Flow
+from gsp.systems.region import state_sizes
+from gsp.systems.tolerances import absolute_tolerance
 
 # Share of the span for which a run follows a position.
 HORIZON = 0.04
 # The full run that everything is compared with.
 RTOL = 1e-11
-ATOL = 0.01 * RTOL
 # Explicit steps against implicit ones: with so many times the field calls stability holds them back.
 RIVALS, WASTE = (Method.RADAU9, Method.DOP853), 4.0
 MAX_STEPS = 20_000
@@ -106,7 +107,14 @@ class Survey:
         self.x = np.tile([study.start[s] for s in self.slow], (positions.size, 1))
         self.x[:, self.slow.index(axis)] = positions
         self.y, self.there = self._sheet()
-        span = study.scene.span
+        scene = study.scene
+        known = state_sizes(study.region, study.start)
+        own = np.array([known.get(s.name, 0.0) for s in self.system.y])
+        own = np.maximum(own, np.abs(self.y[self.there]).max(axis=0, initial=0.0))
+        # How large each fast variable is: distances in y are relative to it.
+        self.sizes = np.where(own > 0.0, own, 1.0)
+        self.atol = absolute_tolerance(RTOL, study.region, study.start)
+        span = scene.span
         self.piece = sense(study) * HORIZON * (span[1] - span[0])
         self.width = float(positions[-1] - positions[0])
         self.flows = {n: study.reduced(n, reconstructed=False) for n in orders}
@@ -132,10 +140,14 @@ class Survey:
         for j, (x, y) in enumerate(zip(self.x, self.y)):
             if not self.there[j]:
                 continue
-            found = newton(sampler, x, np.array(start))
+            found = newton(sampler, x, np.array(start), self.sizes)
             if found is not None:
-                result[j] = np.abs(found - y).max() / (1.0 + np.abs(y).max())
+                result[j] = self._relative(found - y)
         return result
+
+    def _relative(self, differences: np.ndarray) -> np.ndarray:
+        """The largest of differences in y (..., n_fast), each over the size of its variable."""
+        return np.abs(differences / self.sizes).max(axis=-1)
 
     def visit(self, i: int) -> None:
         epsilon = float(self.epsilons[i])
@@ -143,16 +155,24 @@ class Survey:
         if rows.size == 0:
             return
         y = np.full_like(self.y, np.nan)
-        points = zero_derivative(self.branch, self.x[rows], epsilon=epsilon, tolerance=1e-13, near=self.y[rows])
-        y[rows] = points.y
+        y[rows] = self._on_manifold(self.x[rows], self.y[rows], epsilon)
         for j in map(int, rows):
             if np.isfinite(y[j]).all():
                 self._series(i, j, y[j], epsilon)
                 self._runs(i, j, y[j], epsilon)
 
+    def _on_manifold(self, x: np.ndarray, near: np.ndarray, epsilon: float) -> np.ndarray:
+        """Points of the slow manifold (m, n_fast) over `x`, by the zero-derivative principle from `near`.
+
+        NaN where it is not known to the tolerance: nothing is compared with what may be off by more.
+        """
+        points = zero_derivative(self.branch, x, epsilon=epsilon, tolerance=ROUNDING, near=near)
+        known = points.error <= self.tolerance * np.linalg.norm(self.sizes)
+        return np.where(known[:, None], points.y, np.nan)
+
     def _series(self, i: int, j: int, y: np.ndarray, epsilon: float) -> None:
         terms = self.series.terms(self.x[j][None, :], epsilon, near=self.y[j])[0]
-        errors = np.abs(np.cumsum(terms, axis=0) - y).max(axis=1) / (1.0 + np.abs(y).max())
+        errors = self._relative(np.cumsum(terms, axis=0) - y)
         for n in self.orders:
             self.measures[series_name(n)][i, j] = errors[n]
         if np.isfinite(errors).any():
@@ -185,12 +205,10 @@ class Survey:
         """Distance in y of a state from the slow manifold, by the zero-derivative principle next to it."""
         nx = len(self.slow)
         try:
-            found = zero_derivative(
-                self.branch, z[None, :nx], epsilon=epsilon, tolerance=1e-13, near=z[None, nx:]
-            )
+            found = self._on_manifold(z[None, :nx], z[None, nx:], epsilon)
         except GspError:
             return float("nan")
-        return float(np.abs(found.y[0] - z[nx:]).max() / (1.0 + np.abs(z[nx:]).max()))
+        return float(self._relative(found[0] - z[nx:]))
 
     def _run(
         self, flow: Flow, start: Mapping[str, float], epsilon: float, *, method: Method | None = None
@@ -203,7 +221,7 @@ class Survey:
                 span=(0.0, self.piece),
                 epsilon=epsilon,
                 rtol=RTOL,
-                atol=ATOL,
+                atol=self.atol,
                 options=RunOptions(method=method, max_steps=MAX_STEPS),
             )
         except GspError:
@@ -255,8 +273,11 @@ def no_slip_along(study: Study, survey: Survey) -> dict[str, Claim]:
     return {NO_SLIP: Claim(NO_SLIP, text, measure, 1.0)}
 
 
-def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray) -> np.ndarray | None:
-    """Plain Newton's method for g(x, y, 0) = 0 in y from `y` (n_fast,) at fixed x; None when it does not converge."""
+def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray, sizes: np.ndarray) -> np.ndarray | None:
+    """Plain Newton's method for g(x, y, 0) = 0 in y from `y` (n_fast,) at fixed x; None when it does not converge.
+
+    Fast variables are as large as `sizes` (n_fast,).
+    """
     nx = x.size
     for _ in range(NEWTON_STEPS):
         z = np.concatenate([x, y])[None, :]
@@ -268,7 +289,7 @@ def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray) -> np.ndarray | None:
         except np.linalg.LinAlgError:
             return None
         y = y - step
-        if np.abs(step).max() <= 1e-12 * (1.0 + np.abs(y).max()):
+        if (np.abs(step) <= 1e-12 * np.maximum(sizes, np.abs(y))).all():
             return y
     return None
 

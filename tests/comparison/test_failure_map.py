@@ -17,6 +17,7 @@ from gsp.comparison.survey import EXPLICIT, IMPLICIT, MANIFOLD, NEWTON, reduced_
 from gsp.errors import DeclarationError, GspError
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
+from tests.rescaling import rescaled
 
 x, y, epsilon = sp.symbols("x y epsilon")
 
@@ -276,3 +277,26 @@ def test_a_failure_map_is_plotted_as_two_maps_or_on_given_axes_as_one():
     given = Figure().subplots()
     assert found.plot(given) is given
     assert given.get_xlabel() == both.get_xlabel()
+
+
+def test_nothing_is_compared_with_a_slow_manifold_that_is_not_known() -> None:
+    """By the pole at s = -1 the zero-derivative principle gives points that are off by 0.8; h_0 seemed exact there."""
+    scene = models.load("michaelis_menten")
+    found = failure_map(scene, positions=[-0.8275, 0.5], epsilons=[0.08, 0.04])
+    assert np.isnan(found.places["series 0"].measure[0, 0])
+    assert not found.places["series 0"].holds[0, 0]
+    assert np.isfinite(found.places["series 0"].measure[0, 1])
+
+
+@pytest.mark.parametrize("powers", [{"s": 6, "c": -6}, {"s": -6, "c": 6}])
+def test_claims_are_the_same_in_other_units(powers: dict[str, int]) -> None:
+    """Distances were relative to 1 + |y|: in units in which c is 1e-6 every series held."""
+    scene = models.load("michaelis_menten")
+    other = rescaled(scene, powers)
+    positions, epsilons = np.array([-0.5, 0.1, 0.5, 0.9]), [0.003, 0.08, 0.6]
+    plain = failure_map(scene, positions=positions, epsilons=epsilons)
+    found = failure_map(other, positions=positions * 10.0 ** powers["s"], epsilons=epsilons)
+    for name in ("series 0", "series 2", "reduced flow 1", "Newton's method", "slow manifold"):
+        a, b = plain.places[name], found.places[name]
+        assert (a.holds == b.holds).all(), name
+        np.testing.assert_allclose(b.measure, a.measure, rtol=1e-3, atol=1e-11)

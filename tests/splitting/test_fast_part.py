@@ -256,3 +256,15 @@ def test_a_switch_that_is_flat_in_most_units_is_fast() -> None:
     rate = -(sp.tanh(10**6 * z) + x * y / 10**3)
     field = VectorField({x: -y, y: x, z: rate / eps}, epsilon=eps)
     assert layer_rank([sp.S.Zero, sp.S.Zero, rate], field) == 1
+
+
+@pytest.mark.parametrize("power", [-12, -9, 9, 12])
+def test_the_rank_is_the_same_in_all_units_of_time(power: int) -> None:
+    """Rates of 1e-9 were taken to vanish to second order."""
+    faster = sp.Integer(10) ** power
+    for rates, rank in (
+        ({x: (sp.tanh(y) - x) / eps, y: (x - sp.tanh(y)) / eps, z: x - z}, 1),
+        ({x: (y**2 - x) / eps, y: (x - y**2 + sp.exp(z) - y) / eps, z: (y - sp.exp(z)) / eps + x}, 2),
+    ):
+        own = VectorField({s: faster * rate for s, rate in rates.items()}, epsilon=eps)
+        assert layer_rank(principal_part(own)[0], own) == rank
