@@ -285,11 +285,18 @@ class Page(Setting):
         fast, slow = self.system.y, self.system.x
 
         def rows(name: str, symbols, table) -> list[tuple[Markup, Markup]]:
-            return [
+            zero = {k for k in range(series.order + 1) if all(table[k][s] == 0 for s in symbols)}
+            found = [
                 self.block(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
                 for k in range(series.order + 1)
                 for s in symbols
+                if k not in zero
             ]
+            if zero:
+                # Orders of which nothing is left are one line, h_1 = h_2 = 0.
+                left = [part for k in sorted(zero) for part in (operator("="), indexed(name, k, None))][1:]
+                found.append(self.block(row(*left), sp.S.Zero))
+            return found
 
         return {
             "h": rows("h", fast, series.coefficients),
