@@ -200,7 +200,7 @@ def choose(
             obstacle=obstacle,
             ending=ending,
             place=_end_of(partial, forecast),
-            names=names,
+            names=_defined(names, forecast),
             fast_error=fast_error,
             layer_error=layer_error,
             fast_measured=fast_measured,
@@ -300,6 +300,14 @@ def _full(scene: Scene, forecast: Forecast | None) -> tuple[Flow, Mapping[str, f
 def _compared(scene: Scene, forecast: Forecast | None) -> tuple[str, ...]:
     """The names of the states whose errors count."""
     return forecast.prediction.names if forecast else tuple(s.name for s in scene.system.states)
+
+
+def _defined(names: Sequence[str], forecast: Forecast | None) -> list[str]:
+    """The same, slow coordinates that a splitting made with what they are, p = b + c, where that is short to read."""
+    splitting = forecast.study.splitting if forecast else None
+    made = {} if splitting is None else {s.name: e for s, e in splitting.coordinates.items() if e != s}
+    shown = {name: f"{name} = {e}" for name, e in made.items()}
+    return [shown[n] if len(shown.get(n, "")) in range(1, 64) else n for n in names]
 
 
 def _reference(forecast: Forecast | None, scene: Scene, piece: Interval) -> Trajectory:

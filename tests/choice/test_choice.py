@@ -26,7 +26,7 @@ from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.slow.grids_at_rest import resting_coefficients
 from gsp.slow.solved_manifold import solve_manifold
-from gsp.systems.system import SlowFastSystem
+from gsp.systems.system import SlowFastSystem, VectorField
 from tests.cases import sampled
 
 x, y, eps = sp.symbols("x y epsilon")
@@ -640,3 +640,11 @@ def test_the_coefficients_of_the_critical_manifold_are_those_that_its_interpolan
     assert solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-8).surface.coefficients.size >= 4
     # Counted on the first grid already, when that is enough.
     assert resting_coefficients(branch, region=region, tolerance=1e-8, enough=3) == 4
+
+
+def test_a_slow_coordinate_of_the_splitting_is_told_with_what_it_is() -> None:
+    b, c, epsilon = sp.symbols("b c epsilon")
+    exchange = (c - b + b**2 / 4) / epsilon
+    field = VectorField({b: exchange - b, c: -exchange}, epsilon=epsilon)
+    scene = Scene(field, {"b": (0, 1), "c": (0, 1)}, {"b": 0.5, "c": 0.1}, (0, 1), 0.01)
+    assert "in p = b + c; in the fast variables" in str(choose(scene))
