@@ -42,7 +42,7 @@ from gsp.singular.mixed_modes import MixedMode
 from gsp.sliding.no_slip import NoSlip
 from gsp.slow.raw_series import RawManifold, carry_back
 from gsp.slow.series import READABLE, SeriesManifold
-from gsp.systems.arguments import check_progress
+from gsp.systems.arguments import check_flag, check_progress
 from gsp.systems.flow import check_order, check_orders
 
 # The failure map of a report, coarser than its own: epsilons, positions, tolerances, and orders.
@@ -164,10 +164,12 @@ def analyse(
     *,
     order: int = 3,
     orders: Sequence[int] = (0, 1, 2, 3),
+    fast: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> Analysis:
     """The whole pipeline for one scene, through `order` in epsilon, compared at `orders`.
 
+    With `fast` the errors of the fast variables count in the choice, as they do in `choose`.
     `progress(stage, share)` is called as the work goes on. Raises `HyperbolicityError`, saying where, when the
     fast Jacobian is singular in the scene's region, and whatever the stages raise.
     """
@@ -175,6 +177,7 @@ def analyse(
     scene = study.scene
     check_order(order)
     check_orders(orders)
+    check_flag(fast, what="fast")
     check_progress(progress)
     report = progress or (lambda stage, share: None)
     timings: dict[str, float] = {}
@@ -214,7 +217,7 @@ def analyse(
             ),
         )
     with stage("choice"):
-        part("choice", lambda: choose(study, orders=orders))
+        part("choice", lambda: choose(study, orders=orders, fast=fast))
     with stage("failures"):
         failures, failures_reason = _failures(study, lambda share: report("failures", share))
     with stage("trajectories"):

@@ -90,6 +90,7 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
     """Find the cheapest model that meets the tolerance of MODEL: a reduced flow or the full system."""
     from gsp.choice.choice import choose as choose_model
 
+    fast = False
     if not scene.has_small:
         from gsp.reductions.reductions import find_reductions
 
@@ -100,8 +101,8 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
             tell(found, err=as_json)
         if found.recommended is None:
             return
-        scene = found.recommended.scene
-    choice = choose_model(scene, tolerance=tolerance, **orders_through(order))
+        scene, fast = found.recommended.scene, found.recommended.counts_fast
+    choice = choose_model(scene, tolerance=tolerance, fast=fast, **orders_through(order))
     if as_json:
         print_json(choice.as_json())
         return

@@ -65,7 +65,8 @@ def report(
                 wrote(folder)
             show((stages.index(stage) + share) / len(stages), stage)
 
-        analysis = analyse(scene, order=order, progress=progress)
+        fast = reductions is not None and reductions.taken is not None and reductions.taken.counts_fast
+        analysis = analyse(scene, order=order, fast=fast, progress=progress)
         page = write_report(
             analysis,
             folder,

@@ -18,8 +18,9 @@ class Reduction(Card):
 
     The error is the largest of a slow variable over `measured`, the span behind the initial layer, relative to the
     largest value of the variable, of the reduced flow from the base point of the start, against the full run from the
-    start. `seconds` are those of a run, and `full_seconds` of one of the full system, measured together. `why_not` says
-    why it does not serve.
+    start. With `counts_fast`, where no slow variable takes notice of the fast ones, these count too. `seconds` are
+    those of a run, and `full_seconds` of one of the full system, measured together. `why_not` says why it does not
+    serve.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Reduction(Card):
     full_seconds: float
     candidate: Candidate
     why_not: str
+    counts_fast: bool = False
 
     @property
     def seconds(self) -> float:

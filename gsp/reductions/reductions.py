@@ -242,11 +242,12 @@ def _measured(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> d
     try:
         counted, shown = _scenes(scene, part)
         study = Study(counted)
-        choice = choose(study, orders=ORDERS[:1], solve=False)
+        led = _is_led(study)
+        choice = choose(study, orders=ORDERS[:1], fast=led, solve=False)
         errors = _errors(study, choice)
         if errors.get(0, float("nan")) <= LARGEST:
             # Only where something is separated are corrections of use; elsewhere they may run for minutes.
-            choice = choose(study, orders=ORDERS, solve=False)
+            choice = choose(study, orders=ORDERS, fast=led, solve=False)
             errors = _errors(study, choice)
     except (GspError, NotImplementedError, np.linalg.LinAlgError):
         return {}
@@ -269,7 +270,7 @@ def _measured(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> d
         reduction = Reduction(
             name=part.name, scene=shown, order=c.order, error=error,
             measured=(scene.span[0] + choice.layer, scene.span[1]),
-            full_seconds=full.seconds, candidate=c, why_not=why_not,
+            full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=led,
         )  # fmt: skip
         found[reduction] = study
     return found
@@ -328,12 +329,17 @@ def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
     return made, made
 
 
+def _is_led(study: Study) -> bool:
+    """Whether no slow variable takes notice of the fast ones: then these are reduced, as where a clock drives."""
+    return not any(rate.has(*study.system.y) for rate in study.system.f)
+
+
 def _errors(study: Study, choice: Choice) -> dict[int, float]:
-    """The largest relative error of a slow variable behind the initial layer, by order.
+    """The largest relative error of a variable that counts, behind the initial layer, by order.
 
     Without those whose runs take more steps than the full run calls its field: reducing to them saves nothing.
     """
-    scene, slow = study.scene, [s.name for s in study.system.x]
+    scene = study.scene
     first, last = scene.span
     if not choice.layer < last - first:
         return {}
@@ -355,7 +361,7 @@ def _errors(study: Study, choice: Choice) -> dict[int, float]:
             max_steps=exact.stats.field_calls,
         )
         if own.status.ok:
-            gaps = [np.abs(own[x] - exact[x]).max() / (np.abs(exact[x]).max() or 1.0) for x in slow]
+            gaps = [np.abs(own[x] - exact[x]).max() / (np.abs(exact[x]).max() or 1.0) for x in choice.names]
             found[c.order] = float(max(gaps))
     return found
 

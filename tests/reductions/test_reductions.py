@@ -399,3 +399,29 @@ def test_states_that_are_fast_together_are_a_candidate_however_many_they_are() -
     assert found.recommended is not None
     assert found.recommended.name == "quasi-steady state of i, w, p, q"
     assert "Fast there: i, w, p, q" in found.scales.message
+
+
+def test_where_a_clock_drives_the_fast_variables_are_what_counts() -> None:
+    """A quarter car on a wavy road: with all of it left out the phase of the road was exact, and so recommended."""
+    equations = {
+        "zs": "vs",
+        "vs": "(-160*(zs - zu) - 15*(vs - vu))/3",
+        "zu": "vu",
+        "vu": "(160*(zs - zu) + 15*(vs - vu) - 4000*(zu - sin(s)/50))*100/15",
+        "s": "3",
+    }
+    found = find_reductions(scene(equations, {}, {"zs": 0.05, "vs": 0, "zu": 0, "vu": 0, "s": 0}, 6))
+    led = [each for each in found.found if each.counts_fast]
+    assert led
+    assert all(each.why_not and each.error > 0.1 for each in led)
+
+
+def test_a_filter_that_a_slow_oscillator_drives_is_measured_by_what_it_lets_through() -> None:
+    """epsilon y' = u - y with u = cos t: y = u + epsilon sin t - ..., and u and v are exact at any order."""
+    driven = scene({"u": "v", "v": "-u", "y": "100*(u - y)"}, {}, {"u": 1, "v": 0, "y": 0}, 12)
+    found = {each.order: each for each in find_reductions(driven, tolerance=1e-5).found}
+    assert all(each.counts_fast for each in found.values())
+    assert found[0].error == pytest.approx(0.01, rel=0.02)
+    assert found[1].error == pytest.approx(1e-4, rel=0.05)
+    own = gsp.choose(found[0].scene, fast=True)
+    assert own.candidates[0].predicted == pytest.approx(0.01, rel=0.05)
