@@ -139,8 +139,10 @@ class LocalSeries(Subtractable):
     def __add__(self, other: LocalSeries | int) -> LocalSeries:
         if isinstance(other, int):
             other = self.ring.constant(sp.Integer(other))
-        count = max(len(self.parts), len(other.parts))
-        return LocalSeries(self.ring, [self[k] + other[k] for k in range(count)])
+        ring, count = self.ring, max(len(self.parts), len(other.parts))
+        total = [self[k] + other[k] for k in range(count)]
+        # What cancels leaves the rounding of its terms.
+        return LocalSeries(ring, total if ring.is_exact else [ring.reduced(part) for part in total])
 
     def __mul__(self, other: LocalSeries | int | sp.Rational) -> LocalSeries:
         if not isinstance(other, LocalSeries):

@@ -349,3 +349,15 @@ def test_what_is_printed_and_set() -> None:
         own = chart._repr_latex_()
         assert own is not None
         assert own.removeprefix(r"$\displaystyle \begin{aligned}").removesuffix(r"\end{aligned}$") in latex
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_fold_persists_so_that_no_parameter_has_a_weight_also_among_functions(side: int) -> None:
+    """Rounding of 1e-81 in terms that cancel gave parameters weights, on the two sides different ones."""
+    slip = v - b
+    friction = sp.tanh(slip / w) / (1 + a * sp.sqrt(slip**2 + w**2))
+    system = system_of({x: v}, {v: -x - friction}, {a: 3, b: sp.Rational(1, 5), w: sp.Rational(1, 20)})
+    curve = gsp.continue_critical(system, start={"x": 0, "v": 0.2}, bounds={"x": (-1, 1), "v": (0, 0.4)})
+    (fold,) = (point for point in curve.special if side * (point.point["v"] - 0.2) > 0)
+    found = gsp.blow_up(system, near=fold, parameters=["a", "b", "w"])
+    assert {str(s): weight for s, weight in found.weights.items() if weight} == {"v": 1, "x": 2, "epsilon": 3}
