@@ -69,6 +69,39 @@ def rescaled(scene: Scene, powers: Mapping[str, int]) -> Scene:
     )
 
 
+def mirrored(scene: Scene) -> Scene:
+    """The scene with every state counted in the other direction."""
+    system = scene.system
+    words = {
+        "epsilon": system.epsilon,
+        "parameters": system.parameters,
+        "observables": {s: _mirror(e, system) for s, e in system.observables.items()},
+    }
+
+    def turned(of: Mapping) -> dict:
+        return {s: -_mirror(e, system) for s, e in of.items()}
+
+    new = (
+        SlowFastSystem(slow=turned(system.slow), fast=turned(system.fast), **words)
+        if isinstance(system, SlowFastSystem)
+        else VectorField(turned(system.equations), **words)
+    )
+    return replace(
+        scene,
+        system=new,
+        region={n: (-high, -low) for n, (low, high) in scene.region.items()},
+        start={n: -value for n, value in scene.start.items()},
+        starts={},
+        claims={},
+        views={},
+        reconstruction={s: _mirror(e, system) for s, e in scene.reconstruction.items()},
+    )
+
+
+def _mirror(expression: object, system: SlowFastSystem | VectorField) -> sp.Expr:
+    return sp.sympify(expression).xreplace({s: -s for s in system.states})
+
+
 def retimed(scene: Scene, power: int) -> Scene:
     """The scene in a unit of time in which every rate is 10**power times what it was."""
     system, faster = scene.system, sp.Integer(10) ** power
@@ -186,7 +219,7 @@ def told(found: Analysis) -> object:
         None if "choice" in found.lost else _chosen(found.choice),
         boundary
         and (
-            [(fold.passage is not None, fold.canard is not None) for fold in boundary.folds],
+            sorted((fold.passage is not None, fold.canard is not None) for fold in boundary.folds),
             sorted(str(point.kind) for point in boundary.folded),
             boundary.orbit is not None,
             boundary.period is not None,
@@ -230,6 +263,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--singly", action="store_true", help="each state by itself too")
     parser.add_argument("--orders", action="store_true", help="other orders of declaration, not units")
     parser.add_argument("--time", action="store_true", help="other units of time, not of the states")
+    parser.add_argument("--mirror", action="store_true", help="states in the other direction")
     options = parser.parse_args(arguments)
     for name in options.names or scenes():
         plain = scene(name)
@@ -238,6 +272,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if options.orders
             else {f"rates of 1e{power}": retimed(plain, power) for power in (-6, 6)}
             if options.time
+            else {"mirrored": mirrored(plain)}
+            if options.mirror
             else {str(p): rescaled(plain, p) for p in in_other_units(plain, singly=options.singly)}
         )
         for verb in options.verb or VERBS:

@@ -15,6 +15,7 @@ from tests.cases import sampled
 from tests.rescaling import (
     VERBS,
     in_other_units,
+    mirrored,
     named_points,
     reordered,
     rescaled,
@@ -110,6 +111,27 @@ def test_units_of_time_change_no_verdict(case: tuple[str, tuple[str, ...]]) -> N
     other = retimed(plain, 6 if scenes().index(name) % 2 else -6)
     for verb in verbs:
         assert verdict(other, verb) == verdict(plain, verb), verb
+
+
+@pytest.mark.parametrize(
+    "case",
+    sampled(
+        [
+            # How long a series may be is told in steps of its programs, which signs change, and a battery's sheet ends
+            # beside a fold far outside its region.
+            *((name, VERBS) for name in scenes() if name not in ("arrhenius_reactor", "battery")),
+            ("van_der_pol", ("report",)),
+        ],
+        always=[("van_der_pol", ("report",))],
+    ),
+)
+def test_the_direction_in_which_states_are_counted_changes_no_verdict(
+    case: tuple[str, tuple[str, ...]],
+) -> None:
+    name, verbs = case
+    plain = scene(name)
+    for verb in verbs:
+        assert verdict(mirrored(plain), verb) == verdict(plain, verb), verb
 
 
 def test_a_sheet_is_followed_to_where_it_stands_in_units_in_which_it_is_large() -> None:
