@@ -100,15 +100,15 @@ def test_a_report_says_and_names_the_same_in_other_units(name: str) -> None:
 @pytest.mark.parametrize(
     "case",
     sampled(
-        [*((name, VERBS) for name in scenes()), ("van_der_pol", ("report",))],
+        [*((name, VERBS) for name in scenes()[::8]), ("van_der_pol", ("report",))],
         always=[("van_der_pol", ("report",))],
     ),
 )
 def test_units_of_time_change_no_verdict(case: tuple[str, tuple[str, ...]]) -> None:
-    """Half the scenes in a short unit, half in a long one; `python -m tests.rescaling --time` tries all with both."""
+    """Each in a short unit or in a long one; `python -m tests.rescaling --time` tries all scenes with both."""
     name, verbs = case
     plain = scene(name)
-    other = retimed(plain, 6 if scenes().index(name) % 2 else -6)
+    other = retimed(plain, 6 if scenes().index(name) % 16 else -6)
     for verb in verbs:
         assert verdict(other, verb) == verdict(plain, verb), verb
 
@@ -116,18 +116,16 @@ def test_units_of_time_change_no_verdict(case: tuple[str, tuple[str, ...]]) -> N
 @pytest.mark.parametrize(
     "case",
     sampled(
-        [
-            # How long a series may be is told in steps of its programs, which signs change, and a battery's sheet ends
-            # beside a fold far outside its region.
-            *((name, VERBS) for name in scenes() if name not in ("arrhenius_reactor", "battery")),
-            ("van_der_pol", ("report",)),
-        ],
+        [*((name, VERBS) for name in scenes()[4::8]), ("van_der_pol", ("report",))],
         always=[("van_der_pol", ("report",))],
     ),
 )
 def test_the_direction_in_which_states_are_counted_changes_no_verdict(
     case: tuple[str, tuple[str, ...]],
 ) -> None:
+    """`python -m tests.rescaling --mirror` tries all scenes. Two differ: how long a series of the Arrhenius reactor is
+    hangs on signs, and a battery's sheet ends beside a fold far outside its region.
+    """
     name, verbs = case
     plain = scene(name)
     for verb in verbs:
