@@ -92,10 +92,10 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     random = np.random.default_rng(0)
     z = random.standard_normal((SEARCH_STARTS, len(states)))
     z[: SEARCH_STARTS // 2] = np.abs(z[: SEARCH_STARTS // 2])
-    # In a unit of time in which DL is about 1 at the starts: what vanishes is told from what is slow.
+    # In a unit of time in which DL is not small at the starts: what vanishes is told from what is slow.
     sizes = np.linalg.norm(functions[1](z, p), axis=1)
     usual = sizes[np.isfinite(sizes) & (sizes > 0.0)]
-    speed = float(np.median(usual)) if usual.size else 1.0
+    speed = min(float(np.median(usual)), 1.0) if usual.size else 1.0
     compiled = [lambda z, p, of=of: of(z, p) / speed for of in functions]
     found: list[tuple[int, int]] = []
     matrices: list[np.ndarray] = []
