@@ -307,7 +307,8 @@ def _defined(names: Sequence[str], forecast: Forecast | None) -> list[str]:
     splitting = forecast.study.splitting if forecast else None
     made = {} if splitting is None else {s.name: e for s, e in splitting.coordinates.items() if e != s}
     shown = {name: f"{name} = {e}" for name, e in made.items()}
-    return [shown[n] if len(shown.get(n, "")) in range(1, 64) else n for n in names]
+    # What takes more than half a line hides the number that it stands behind.
+    return [shown[n] if n in shown and len(shown[n]) < 64 else n for n in names]
 
 
 def _reference(forecast: Forecast | None, scene: Scene, piece: Interval) -> Trajectory:

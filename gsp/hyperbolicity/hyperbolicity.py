@@ -84,7 +84,8 @@ class Hyperbolicity(Card):
     where between the samples a loss is not excluded; None when one was found at them. `shortfall` says where and in
     which direction the normal rate does not dominate the tangential one; None where it does, on a lost branch, and
     without an epsilon.
-    `certificate` is what is proved, when that was asked for: a REFUTED one makes the kind "lost".
+    `certificate` is what is proved, when that was asked for: a REFUTED one makes the kind "lost". `epsilon` is where
+    the condition r >= 1 was decided, if it was.
     """
 
     branch: Branch
@@ -101,6 +102,7 @@ class Hyperbolicity(Card):
     exclusion: Exclusion | None = None
     certificate: Certificate | None = None
     shortfall: Shortfall | None = None
+    epsilon: float | None = None
 
     @property
     def holds(self) -> bool:
@@ -155,19 +157,15 @@ class Hyperbolicity(Card):
         if found.verdict.name == "REFUTED" and found.witness is not None:
             evidence = f"refuted on {found.where}: {found.witness.statement}"
             return replace(self, kind=Kind.LOST, certificate=found, evidence=evidence)
+        judged = self
         if found.verdict.name == "PROVED" and self.kind is Kind.LOST:
             # Doubles took for on the axis what is proved to be off it.
-            judged = _judged(self.branch, self.region, epsilon, distance=found.gap)
-            return replace(
-                judged,
-                certificate=found,
-                evidence=f"proved on {found.where}; {judged.gap:.6g} at the samples",
-            )
-        if found.verdict.name == "PROVED":
-            evidence = f"proved on {found.where}; {self.gap:.6g} at the samples"
+            judged = _judged(self.branch, self.region, self.epsilon, distance=found.gap)
+        if found.verdict.name == "PROVED" and judged.kind is not Kind.LOST:
+            evidence = f"proved on {found.where}; {judged.gap:.6g} at the samples"
         else:
-            evidence = f"{self.evidence}; {found.reason}"
-        return replace(self, certificate=found, evidence=evidence)
+            evidence = f"{judged.evidence}; {found.reason}"
+        return replace(judged, certificate=found, evidence=evidence)
 
     @cached_property
     def sub_region(self) -> SubRegion | None:
@@ -256,11 +254,11 @@ def _judged(
             judged = judged_samples(sampler, box, samples, epsilon, distance=exclusion.distance)
         else:
             exclusion = None
-    elif len(judged.kinds) == 1 and not judged.lost:
+    elif len(judged.kinds) == 1 and not judged.lost and not distance:
         exclusion = exclude(sampler, box, samples.z)
         if is_worse(sampler, exclusion, judged):
             samples = samples.with_more(sampler, exclusion)
-            judged = judged_samples(sampler, box, samples, epsilon, distance=distance)
+            judged = judged_samples(sampler, box, samples, epsilon)
     z, kinds = samples.z, judged.kinds
     lost = judged.lost or len(kinds) != 1
     evidence = f"sampled at {len(z)} points"
@@ -291,6 +289,7 @@ def _judged(
         shortfall=None
         if epsilon is None or lost or rates.r(epsilon) >= 1.0
         else shortfall(sampler, z, box, gap=judged.gap, epsilon=epsilon),
+        epsilon=epsilon,
     )
 
 

@@ -59,7 +59,9 @@ def read_constraints(
     *,
     may_stop: bool = False,
 ) -> VelocityForms:
-    """The constraints as forms; raises `DeclarationError` when one is none or depends on others."""
+    """The constraints as forms; raises `DeclarationError` when one is none or depends on others, and unless they
+    `may_stop` all motion when they leave none.
+    """
     if isinstance(constraints, Mapping):
         names, given = tuple(constraints), tuple(constraints.values())
         for name in names:
@@ -97,7 +99,7 @@ def read_constraints(
     held = system.holonomic_forms
     forms = VelocityForms(tuple(given), matrix, tuple(offset), names, sp.ImmutableMatrix(matrix.col_join(held)))
     _refuse_dependent(system, forms)
-    if len(given) + held.rows >= n + may_stop:
+    if not may_stop and len(given) + held.rows >= n:
         raise DeclarationError(
             f"{len(given) + held.rows} constraints on {n} velocities leave no motion: "
             f"{', '.join(map(str, (*given, *system.holonomic)))}.",

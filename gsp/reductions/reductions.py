@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -163,10 +164,11 @@ def find_reductions(
                 progress(i / MEASURED)
             found.update(_measured(plain, part, gaps))
 
-    # What is fast at some time, however many states that are: sets of a few are tried one by one.
-    sets = dict.fromkeys(scales.fast(i) for i in np.flatnonzero(scales.separated).tolist())
+    # What is fast together most often, however many states that are: sets of a few are tried one by one.
+    together = Counter(scales.fast(i) for i in np.flatnonzero(scales.separated).tolist())
     named = {s.name: s for s in field.states}
-    parts = fast_parts(field, large=[[named[name] for name in names] for names in sets])
+    large = [[named[name] for name in names] for names, _ in together.most_common(MEASURED)]
+    parts = fast_parts(field, large=large)
     ranked = sorted(_screened(plain, run, gaps, parts), key=lambda pair: pair[0])
     measure(part for _, part in ranked[:MEASURED])
     if _nearest(found) is None:

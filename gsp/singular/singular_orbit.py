@@ -34,6 +34,7 @@ from gsp.results.tabular import Tabular
 from gsp.singular.flight import Flight, Flights
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_passage import ZERO, FoldPassage, omega0, passage_at
+from gsp.singular.passage.slow_orbit import time_to_move
 from gsp.slow.series import expand
 from gsp.systems.arguments import check_noun, check_progress, check_whole, shown
 from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
@@ -234,8 +235,8 @@ def _told(flight: Flight) -> str:
 
 def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[SlowPiece, Reason]:
     """The slow piece from `point`, and why it does not end in a fold passage (empty when it does)."""
-    flow = _reduced(branch, point)
-    run = _run(flow, branch, point)
+    longest = _longest(branch, point)
+    run = _run(_reduced(branch, point), branch, point, longest)
     if run.status is not Status.FOLD_REACHED:
         if run.status.ok:
             why = Reason(f"no fold within a slow time of {run.t[-1] - run.t[0]:g}")
@@ -249,14 +250,11 @@ def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[Slow
         passage = passage_at(branch.system, fold, sizes=branch.units)
     except PassageError as error:
         return SlowPiece(run, None), error.reason
-    flown = _flown(
-        passage, passage.point, flights, longest=_longest(branch, values_by_name(point, what="start"))
-    )
-    return SlowPiece(run, passage, flown), NO_REASON
+    return SlowPiece(run, passage, _flown(passage, passage.point, flights, longest)), NO_REASON
 
 
 def _flown(
-    passage: FoldPassage, point: Mapping[str, float], flights: Flights | None, *, longest: float
+    passage: FoldPassage, point: Mapping[str, float], flights: Flights | None, longest: float
 ) -> Flight | None:
     """The flight from a point beside the fold; None where the drop lands on a sheet, or it does not come back."""
     if flights is None or passage.drop.lands:
@@ -282,13 +280,13 @@ def _reduced(branch: Branch, point: Point) -> ReducedFlow:
     return restrict(expand(branch.through(point), order=0, symbolic=False))
 
 
-def _run(flow: ReducedFlow, branch: Branch, point: Point) -> Trajectory:
+def _run(flow: ReducedFlow, branch: Branch, point: Point, longest: float) -> Trajectory:
     slow = {s.name for s in branch.system.x}
     start = values_by_name(point, what="start")
     return trajectory_of(
         flow,
         start={name: value for name, value in start.items() if name in slow},
-        span=(0.0, _longest(branch, start)),
+        span=(0.0, longest),
         # Order 0 does not depend on epsilon; the value is asked for all the same.
         epsilon=1.0,
         rtol=RTOL,
@@ -296,13 +294,13 @@ def _run(flow: ReducedFlow, branch: Branch, point: Point) -> Trajectory:
     )
 
 
-def _longest(branch: Branch, start: Mapping[str, float]) -> float:
-    """How long a piece from `start` is followed, in slow time; one that stands still gets nowhere in any."""
-    unit = branch.scales[0]
-    x = np.array([start[s.name] for s in branch.system.x])
-    z = np.concatenate([x, branch.through(start).points(x[None, :])[0]])
-    speed = float(np.linalg.norm(Sampler(branch).rates(z[None, :])[0, : len(x)] / unit))
-    return PATIENCE * (1.0 + float(np.linalg.norm(x / unit))) / (speed or 1.0)
+def _longest(branch: Branch, point: Point) -> float:
+    """How long a piece from `point` is followed, in slow time; one that stands still gets nowhere in any."""
+    given = values_by_name(point, what="start")
+    x = np.array([given[s.name] for s in branch.system.x])
+    z = np.concatenate([x, branch.through(point).points(x[None, :])[0]])
+    moves = time_to_move(x, Sampler(branch).rates(z[None, :])[0, : len(x)], branch.scales[0])
+    return PATIENCE * (moves if np.isfinite(moves) else 1.0)
 
 
 def _closed(landings: list[np.ndarray], landed: np.ndarray) -> int:
@@ -372,7 +370,7 @@ def _flight_sensitivity(
                 piece.fold,
                 {**piece.fold.point, name: piece.fold.point[name] + sign * h},
                 flights,
-                longest=PATIENCE * piece.flight.duration,
+                PATIENCE * piece.flight.duration,
             )
             for sign in (1.0, -1.0)
         ]
@@ -402,7 +400,7 @@ def _sensitivity(branch: Branch, before: SlowPiece) -> tuple[np.ndarray, np.ndar
         h = SHIFT * branch.scales[0][i]
         for sign in (1.0, -1.0):
             moved: Mapping[str, float] = MappingProxyType({**landing, name: landing[name] + sign * h})
-            run = _run(_reduced(branch, moved), branch, moved)
+            run = _run(_reduced(branch, moved), branch, moved, _longest(branch, moved))
             if run.status is not Status.FOLD_REACHED:
                 raise GspError(
                     f"the slow flow from {dict(moved)} ends otherwise than its neighbour: {run.message}.",

@@ -69,3 +69,18 @@ def test_what_is_proved_is_not_said_to_be_lost(power):
 def test_what_is_lost_is_not_proved():
     found = verdict(real(0, sp.Rational(1, 3)), prove=True)
     assert (found.kind, found.certificate.verdict) == ("lost", "undecided")
+
+
+def test_a_verdict_that_only_the_proof_decides_keeps_the_conditions_at_its_epsilon():
+    """Seventy places that nearly touch are more boxes than `classify` spends; a report asks for the proof later."""
+    rate = sp.sin(110 * x) ** 2 + sp.Rational(1, 10**11)
+    system = gsp.SlowFastSystem(slow={x: -x}, fast={y: -rate * (y - x)}, epsilon=eps)
+    branch = gsp.solve_critical(system).branches[0]
+    found = gsp.classify(branch, region=REGION, epsilon=0.01)
+    proved = found.with_proof()
+    assert found.kind == "lost"
+    assert (proved.kind, proved.is_proved, proved.losses) == ("attracting", True, ())
+    assert [c.name for c in proved.conditions] == [c.name for c in found.conditions]
+    # The gap of 1e-11 does not dominate x' = -x.
+    assert not proved.conditions[-1].holds
+    assert proved.shortfall is not None

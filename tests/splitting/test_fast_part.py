@@ -29,6 +29,7 @@ from gsp.splitting.fast_part import (
 )
 from gsp.splitting.splitting import split
 from gsp.systems.system import VectorField
+from tests.rescaling import rescaled, scene
 
 x, y, z, a, eps = sp.symbols("x y z a epsilon")
 
@@ -268,3 +269,12 @@ def test_the_rank_is_the_same_in_all_units_of_time(power: int) -> None:
     ):
         own = VectorField({s: faster * rate for s, rate in rates.items()}, epsilon=eps)
         assert layer_rank(principal_part(own)[0], own) == rank
+
+
+def test_the_rank_is_the_same_where_units_of_the_states_are_far_apart() -> None:
+    """A gene's messenger and its dimers, 1e-6 beside 1e6: most entries of DL are nothing beside the largest."""
+    plain = scene("gene_dimers")
+    for powers in ({}, {"M": -6, "P": 6, "D": -6}, {"M": 6, "P": -6, "D": 6}):
+        own = rescaled(plain, powers).system
+        assert isinstance(own, VectorField)
+        assert layer_rank(principal_part(own)[0], own) == 2

@@ -105,6 +105,14 @@ class ResolvedPanel:
     has_kink: bool = False
 
 
+def time_to_move(x: np.ndarray, rates: np.ndarray, unit: np.ndarray) -> float:
+    """A slow time in which an orbit gets somewhere from `x` (m,), where it moves at `rates` (m,), in lengths of `unit`
+    (m,); infinite where it stands still.
+    """
+    speed = float(np.linalg.norm(rates / unit))
+    return (1.0 + float(np.linalg.norm(x / unit))) / speed if speed > 0.0 else float("inf")
+
+
 class SlowOrbit:
     """The reduced orbit through x (n_slow,) on `branch`, forward in slow time from 0, panel after panel.
 
@@ -122,15 +130,14 @@ class SlowOrbit:
         self._f = self.equations.compiled(self.equations.f)
         self.panels: list[Panel] = []
         unit = branch.scales[0]
-        speed = float(np.linalg.norm(self._f(self.state[None, :])[0] / unit))
-        if speed == 0.0:
+        # A slow time in which the orbit gets somewhere, and the largest eigenvalue so far.
+        self.time, self.rate = time_to_move(x, self._f(self.state[None, :])[0], unit), 0.0
+        if not np.isfinite(self.time):
             raise PassageError(
                 f"the reduced flow stands still at the start, {self.shown(self.state)}.",
                 "Start where it moves.",
             )
-        # A slow time in which the orbit gets somewhere, and the largest eigenvalue so far.
-        self.time = (1.0 + float(np.linalg.norm(x / unit))) / speed
-        self._length, self.rate = FIRST * self.time, 0.0
+        self._length = FIRST * self.time
         graph = branch.graph
         fixed = dict(system.parameters)
         if graph is not None:
