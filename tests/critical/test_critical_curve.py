@@ -672,3 +672,15 @@ def test_an_unknown_column_is_named() -> None:
     curve = continue_critical(one(y - x), start={"x": 0, "y": 0}, max_points=3)
     with pytest.raises(DeclarationError, match='no column "z"'):
         curve["z"]
+
+
+def test_a_curve_that_runs_into_a_pole_beside_the_domain_of_a_logarithm_ends_there() -> None:
+    """T -> infinity at x = -1, and beyond T < -1: between them the field is not finite, and nothing is sought."""
+    T = y
+    system = SlowFastSystem(
+        slow={x: 1}, fast={T: 2 / (1 + x) - T * (1 + T**2 / 20) - sp.log(1 + T) / 5}, epsilon=eps
+    )
+    curve = continue_critical(system, start={"x": 0.1, "y": 1.2}, bounds={"x": (-1.225, 2.175)})
+    assert curve.special == ()
+    assert curve.points[:, 0].min() > -1.0
+    assert "STEP_TOO_SMALL" in str(curve)

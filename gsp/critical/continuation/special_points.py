@@ -267,6 +267,8 @@ class BranchPoints:
     def _moore(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         problem, scales, n = self.problem, self.tracer.scales, self.problem.size
         slope = problem.jacobian(u) * scales
+        if not np.isfinite(slope).all():
+            return None
         # Rates in units of each equation's own variable can be compared, as rates in its numbers cannot.
         unit = scales[-n:]
         size = np.linalg.norm(slope, axis=1) / unit
