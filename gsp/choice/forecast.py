@@ -86,8 +86,7 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
     """
     study = study_of(scene)
     scene = study.scene
-    # A start names its sheet, which is found sooner than by following one from a seed.
-    series = _readied(study, min(orders), max(orders) + AHEAD).over(study.free_branch)
+    series = _readied(study, min(orders), max(orders) + AHEAD)
     highest = series.order
     orders = [n for n in orders if n <= highest]
     # The slow variables feel the layer from order 1 on, however far the series goes.
@@ -99,7 +98,7 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
     flows, preparation = {}, {}
     for k in sorted({k for n in orders for k in range(n, min(n + AHEAD, highest) + 1)}):
         begun = time.perf_counter()
-        flows[k] = study.reduced(k, reconstructed=False, sheet=False)
+        flows[k] = study.reduced(k, reconstructed=False)
         _ = compile_flow(flows[k]).field
         preparation[k] = shared + time.perf_counter() - begun
     starts, astray = {}, ""

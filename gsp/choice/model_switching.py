@@ -84,15 +84,15 @@ class _Sheet:
     def series(self) -> SeriesManifold:
         order = self.study.short_series(self.order + AHEAD, at_least=self.order).order
         everywhere = replace(self.branch, seed=None)
-        if everywhere == self.study.free_branch:
+        if self.branch.equations == self.study.branch.equations:
             return self.study.series(order, symbolic=False).over(everywhere)
         return expand(everywhere, order=order, symbolic=False)
 
     @cached_property
     def flows(self) -> dict[int, ReducedFlow]:
         orders = range(self.order, self.series.order + 1)
-        if self.series.branch == self.study.free_branch:
-            return {k: self.study.reduced(k, sheet=False) for k in orders}
+        if self.series.branch == self.study.branch:
+            return {k: self.study.reduced(k) for k in orders}
         return {
             k: restrict(self.series, order=k, reconstruction=self.study.scene.reconstruction) for k in orders
         }

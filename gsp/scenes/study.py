@@ -216,24 +216,13 @@ class Study(Card):
             series = longer
         return series
 
-    def reduced(self, order: int, *, reconstructed: bool = True, sheet: bool = True) -> ReducedFlow:
-        """The reduced flow of `order`, with what the scene reconstructs unless told not to.
-
-        Without `sheet` it is that over all sheets of the branch: a start chooses its own.
-        """
+    def reduced(self, order: int, *, reconstructed: bool = True) -> ReducedFlow:
+        """The reduced flow of `order`, with what the scene reconstructs unless told not to."""
         driven = self.scene.reconstruction if reconstructed else {}
-        branch = self.branch if sheet else self.free_branch
-
-        def make() -> ReducedFlow:
-            series = self.run_series(order).over(branch)
-            return restrict(series, order=order, reconstruction=driven)
-
-        return self._once(("reduced", order, bool(driven), branch.seed is None), make)
-
-    @property
-    def free_branch(self) -> Branch:
-        """The branch with all its sheets."""
-        return replace(self.branch, seed=None)
+        return self._once(
+            ("reduced", order, bool(driven)),
+            lambda: restrict(self.run_series(order), order=order, reconstruction=driven),
+        )
 
     def full(self, epsilon: float) -> Trajectory:
         """The full run from the scene's start over its span, reconstruction included, to the width of a line."""

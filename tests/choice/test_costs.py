@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from gsp import models
+from gsp import load, models
 from gsp.choice import costs
 from gsp.choice.candidates import Candidate, ModelKind, Trial
 from gsp.choice.choice import choose, select
 from gsp.choice.costs import MEASUREMENTS, RUNS, Cost, cost_beside, timed
+from gsp.choice.forecast import forecast_of
 from gsp.choice.simulation import simulate
 from gsp.choice.verdict import Answer, Evidence, judge
+from gsp.scenes.study import study_of
+from tests.literature import FOLDER
 
 PLAIN = replace(models.load("linear"), tolerance=1e-3)
 
@@ -93,3 +96,14 @@ def test_choose_the_report_and_simulate_share_what_was_measured(later, answer, m
     assert choice.as_json()["attributes"]["answer"] == str(answer)
     run = simulate(PLAIN, choice=choice)
     assert (run.reduced_share > 0.5) is (answer is Answer.YES)
+
+
+@pytest.mark.parametrize("name", ["chemostat", "oregonator"])
+def test_one_flow_is_measured_that_of_the_sheet_of_the_scene(name: str) -> None:
+    """`choose`, the table of reductions and the pictures run the same flow: a start need not look for its sheet."""
+    study = study_of(load(FOLDER / f"{name}.toml"))
+    forecast = forecast_of(study, (0, 1))
+    assert not study.branch.is_explicit
+    for order, flow in forecast.flows.items():
+        assert flow is study.reduced(order, reconstructed=False)
+        assert flow.manifold.branch == study.branch
