@@ -91,8 +91,8 @@ def _coefficients(expression: sp.Expr, epsilon: sp.Symbol, order: int) -> dict[i
         offset = valuation * int(expression.exp)
         return _nonzero({k + offset: c for k, c in sorted(result.items())})
     raise DeclarationError(
-        f"epsilon stands in {expression}, which is no pole or power of epsilon.",
-        "Replace it by its Taylor polynomial in epsilon.",
+        f"{epsilon} stands in {expression}, which is no pole or power of {epsilon}.",
+        f"Replace it by its Taylor polynomial in {epsilon}.",
     )
 
 
@@ -128,11 +128,11 @@ def _valuation(expression: sp.Expr, epsilon: sp.Symbol) -> int:
             if k == lowest and vanishes(expression):
                 return _NEVER
         raise DeclarationError(
-            f"{expression} vanishes to all orders in epsilon.", "Simplify it before declaring."
+            f"{expression} vanishes to all orders in {epsilon}.", "Simplify it before declaring."
         )
     raise DeclarationError(
-        f"epsilon stands in {expression}, which is no pole or power of epsilon.",
-        "Replace it by its Taylor polynomial in epsilon.",
+        f"{epsilon} stands in {expression}, which is no pole or power of {epsilon}.",
+        f"Replace it by its Taylor polynomial in {epsilon}.",
     )
 
 

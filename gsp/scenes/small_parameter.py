@@ -13,7 +13,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.elimination_over_rationals import generic_point, independent_rows, numbers_at
-from gsp.algebra.laurent import laurent, pole_order
+from gsp.algebra.laurent import laurent, misplaced_epsilon, pole_order
 from gsp.errors import DeclarationError, SplittingError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import LADDER, TIME, Scene
@@ -70,7 +70,8 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
             "Name another parameter.",
             value=name,
         )
-    changes = _in_slow_time(plain, symbol, value) if _is_regular(system.rates, symbol) else {}
+    has_pole = any(_divides(rate, symbol) for rate in system.rates)
+    changes = {} if has_pole else _in_slow_time(plain, symbol, value)
     rates = {state: rate / symbol if changes else rate for state, rate in zip(system.states, system.rates)}
     field = VectorField(
         rates,
@@ -79,7 +80,7 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
         name=system.name,
         observables=system.observables,
     )
-    fast = [state for state, rate in rates.items() if not _is_regular([rate], symbol)]
+    fast = [state for state, rate in rates.items() if _divides(rate, symbol)]
     # Of fast states that are not so by themselves slow coordinates are made, which need their bounds.
     unbounded = [state.name for state in fast] if are_fast_by_themselves(rates, symbol, fast) else []
     return replace(
@@ -172,7 +173,7 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
     system, epsilon = scene.system, scene.system.epsilon
     assert epsilon is not None
     rates = dict(zip(system.states, system.rates))
-    fast = [z.name for z, rate in rates.items() if not _is_regular([rate], epsilon)]
+    fast = [z.name for z, rate in rates.items() if _divides(rate, epsilon)]
     if isinstance(system, SlowFastSystem):
         said = [
             f"fast variables: {', '.join(fast)}; their rates are divided by {epsilon}, which is 1 for the model itself"
@@ -189,7 +190,7 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
         others = [z.name for z, rate in rates.items() if z.name not in fast and rate.has(epsilon)]
         if others:
             said.append(f"{epsilon} stands in the rates of {', '.join(others)} too, and is as small there")
-    left = {p: [z.name for z, rate in rates.items() if not _is_regular([rate], p)] for p in parameters}
+    left = {p: [z.name for z, rate in rates.items() if _divides(rate, p)] for p in parameters}
     said += [
         f"left as it is: {p} = {parameters[p]}, which divides the rate of {', '.join(where)}"
         for p, where in left.items()
@@ -219,8 +220,9 @@ def unused_epsilon(flow: VectorField) -> sp.Symbol:
     return sp.Symbol(next(word for word in words if word not in taken))
 
 
-def _is_regular(rates: Iterable[sp.Expr], symbol: sp.Symbol) -> bool:
-    return all(pole_order(rate, symbol) <= 0 for rate in rates)
+def _divides(rate: sp.Expr, symbol: sp.Symbol) -> bool:
+    """Whether the rate has a pole in the symbol; one inside a function or a root divides nothing."""
+    return misplaced_epsilon(rate, symbol) is None and pole_order(rate, symbol) > 0
 
 
 def _in_slow_time(scene: Scene, symbol: sp.Symbol, value: float) -> dict[str, Any]:

@@ -207,3 +207,20 @@ def test_what_was_taken_and_what_is_left_is_told() -> None:
     assert slowed[1].startswith("no rate has a pole in c, so the time of the model is the fast one")
     fast = explain_small(take_fast(before, variables=["x"]), before)
     assert fast[0] == "fast variables: x; their rates are divided by epsilon, which is 1 for the model itself"
+
+
+def test_parameters_inside_functions_are_no_poles_and_hinder_nothing() -> None:
+    """A rate with sqrt(x^2 + c^2) or exp(-b x) has another parameter that is small, or variables that are fast."""
+    x, y, a, b, c = sp.symbols("x y a b c")
+    field = gsp.VectorField(
+        {x: -x + sp.exp(-b * y), y: (sp.sqrt(x**2 + c**2) - y) / a}, parameters={a: 0.01, b: 2, c: 1}
+    )
+    before = gsp.Scene(field, {}, {"x": 1, "y": 0}, (0, 1))
+    assert explain_small(take_small(before, parameter="a"), before) == [
+        "small parameter: a = 0.01, which divides the rates of y"
+    ]
+    assert explain_small(take_fast(before, variables=["y"]), before)[1:] == [
+        "left as it is: a = 1/100, which divides the rate of y"
+    ]
+    with pytest.raises(DeclarationError, match=r"b stands in exp\(-b\*y\)"):
+        take_small(before, parameter="b")
