@@ -90,19 +90,21 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
     """Find the cheapest model that meets the tolerance of MODEL: a reduced flow or the full system."""
     from gsp.choice.choice import choose as choose_model
 
-    fast = False
+    found, fast = None, False
     if not scene.has_small:
         from gsp.reductions.reductions import find_reductions
 
         found = find_reductions(scene, tolerance=tolerance)
-        if as_json and found.recommended is None:
-            print_json({"name": scene.name, **found.as_dict()})
-        else:
-            tell(found, err=as_json)
         if found.recommended is None:
+            if as_json:
+                print_json({"name": scene.name, **found.as_dict()})
+            else:
+                tell(found)
             return
         scene, fast = found.recommended.scene, found.recommended.counts_fast
     choice = choose_model(scene, tolerance=tolerance, fast=fast, **orders_through(order))
+    if found is not None:
+        tell(found.with_costs(choice), err=as_json)
     if as_json:
         print_json(choice.as_json())
         return

@@ -190,6 +190,8 @@ NEEDED_OF_SMALL = {**NEEDED, "epsilon": "epsilon = 0.01"}
 
 def scene_of(document: dict, file: Path) -> Scene:
     """The scene that a document says; its name is that of `file` unless it has one. Raises `ModelFileError`."""
+    # Before the keys are looked at: who has the rates in a table of another name is told where they stand.
+    _check_form(document)
     values.check_keys(document, ("epsilon", *TEXT, *_TABLES), elsewhere={"scene": _SCENE})
     texts = {key: values.text(document.get(key, ""), key, limit) for key, limit in TEXT.items()}
     name = texts["name"] or re.sub(r"[^A-Za-z0-9]+", "_", file.stem).strip("_")[:64] or "scene"
@@ -245,6 +247,18 @@ def scene_of(document: dict, file: Path) -> Scene:
     )
 
 
+def _check_form(document: dict) -> None:
+    """Refuse a file whose rates stand in both forms, or in none; those of [mechanics] are derived."""
+    standard = "slow" in document or "fast" in document
+    if standard != ("states" in document) or "mechanics" in document:
+        return
+    verb, got = ("Keep", "both") if standard else ("Write", "neither")
+    others = [f"[{key[:64]}]" for key, value in document.items() if isinstance(value, dict)]
+    if not standard and others:
+        got += f", but {', '.join(others[: values.LISTED])}"
+    raise ModelFileError("a file has [slow] and [fast], or [states].", f"{verb} one of the two forms.", got=got)
+
+
 def _system(
     document: dict, tables: dict[str, dict], name: str
 ) -> tuple[SlowFastSystem | VectorField, dict[str, sp.Symbol], Definitions]:
@@ -256,11 +270,6 @@ def _system(
             "epsilon, at the top of the file, names the symbol of the small parameter and is text.",
             "Its value belongs under [scene].",
             got=f"a {values.kind(epsilon)}",
-        )
-    if standard == ("states" in document):
-        verb, got = ("Keep", "both") if standard else ("Write", "neither")
-        raise ModelFileError(
-            "a file has [slow] and [fast], or [states].", f"{verb} one of the two forms.", got=got
         )
     for key in ("slow", "fast") if standard else ("states",):
         if not tables[key]:

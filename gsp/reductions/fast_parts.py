@@ -8,18 +8,21 @@ rate of a complex along the stoichiometry of its binding, so that totals are slo
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import sympy as sp
 
 from gsp.scenes.small_parameter import unused_epsilon
+from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
 
 # Sets of up to so many states are tried, while there are no more than so many.
 LARGEST_SET, MOST = 3, 64
 
-Stoichiometry = Mapping[sp.Symbol, sp.Rational]
+# What a reaction changes, by state: numbers, or ratios of parameters, such as volumes.
+Stoichiometry = Mapping[sp.Symbol, sp.Expr]
+Direction = tuple[tuple[sp.Symbol, sp.Expr], ...]
 
 
 @dataclass(frozen=True)
@@ -62,8 +65,9 @@ class FastPart:
 
 def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = ()) -> list[FastPart]:
     """The candidates of a field, quasi-steady states of few species first, and those of the `large` sets of states."""
-    groups = _reactions(field)
+    groups, values = _reactions(field), dict(field.parameters)
     complexes, bound = _bound(field, groups)
+    groups |= _exchanges(field)
     states = field.states
 
     def quasi_steady(chosen: Collection[sp.Symbol]) -> FastPart:
@@ -81,11 +85,11 @@ def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = (
     listed = {frozenset(part.states or ()) for part in found}
     reversible = {d: rate for d, rate in groups.items() if len(d) > 1 and _is_reversible(rate)}
     for several in _together(tuple(reversible)):
-        told = " and ".join(map(_told, several))
+        told = " and ".join(_told(direction, values) for direction in several)
         rates = tuple(reversible[d] for d in several)
         found.append(FastPart(f"partial equilibria of {told}", tuple(map(dict, several)), rates))
     for direction, rate in reversible.items():
-        told = _told(direction)
+        told = _told(direction, values)
         found.append(FastPart(f"partial equilibrium of {told}", (dict(direction),), (rate,)))
         for state, number in direction:
             if state in complexes:
@@ -95,23 +99,56 @@ def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = (
     return [*found[:MOST], *(quasi_steady(chosen) for chosen in large if frozenset(chosen) not in listed)]
 
 
-def _reactions(field: VectorField) -> dict[tuple[tuple[sp.Symbol, sp.Rational], ...], sp.Expr]:
+def _reactions(field: VectorField) -> dict[Direction, sp.Expr]:
     """Terms of the rates by what they change: {stoichiometry: rate}, where the same term stands in several rates."""
-    changes: dict[sp.Expr, dict[sp.Symbol, sp.Rational]] = {}
+    changes: dict[sp.Expr, dict[sp.Symbol, sp.Expr]] = {}
+    for state, _, number, rest in _terms(field):
+        changes.setdefault(rest, {})[state] = number
+    groups: dict[Direction, sp.Expr] = {}
+    for rest, change in changes.items():
+        first = abs(next(iter(change.values())))
+        _add(groups, tuple((s, n / first) for s, n in change.items()), first * rest)
+    return groups
+
+
+def _exchanges(field: VectorField) -> dict[Direction, sp.Expr]:
+    """What two states exchange, each in a unit of its own: {stoichiometry: rate}, there and back.
+
+    Their terms differ by a ratio of parameters, as where compartments have volumes: -Q a/V and Q a/W. Terms that merely
+    have the same states in them do not have a way back of the same ratio.
+    """
+    values = dict(field.parameters)
+    alike: dict[sp.Expr, list[tuple[sp.Symbol, sp.Expr]]] = {}
+    for state, term, _, _ in _terms(field):
+        coefficient, part = term.as_independent(*field.states, as_Add=False)
+        value = coefficient.xreplace(values)
+        if value.is_finite and value.is_nonzero:
+            alike.setdefault(part, []).append((state, coefficient))
+    groups: dict[Direction, sp.Expr] = {}
+    for part, terms in alike.items():
+        for (one, own), (other, its) in itertools.combinations(terms, 2):
+            ratio = its / own
+            if one != other and not ratio.is_Rational:
+                sign = 1 if own.xreplace(values) > 0 else -1
+                _add(groups, ((one, sp.Integer(sign)), (other, sign * ratio)), sign * own * part)
+    return {direction: rate for direction, rate in groups.items() if _is_reversible(rate)}
+
+
+def _terms(field: VectorField) -> Iterator[tuple[sp.Symbol, sp.Expr, sp.Rational, sp.Expr]]:
+    """(state, term of its rate, the term's number, the rest of it)."""
     for state, rate in field.equations.items():
         for term in sp.Add.make_args(sp.expand(rate)):
             number, rest = term.as_coeff_Mul()
             if number.is_Rational and number != 0:
-                changes.setdefault(rest, {})[state] = number
-    groups: dict[tuple, sp.Expr] = {}
-    for rest, change in changes.items():
-        first = abs(next(iter(change.values())))
-        direction = tuple((s, n / first) for s, n in change.items())
-        opposite = tuple((s, -n) for s, n in direction)
-        sign = -1 if opposite in groups else 1
-        key = opposite if sign == -1 else direction
-        groups[key] = groups.get(key, sp.Integer(0)) + sign * first * rest
-    return groups
+                yield state, term, number, rest
+
+
+def _add(groups: dict[Direction, sp.Expr], direction: Direction, rate: sp.Expr) -> None:
+    """Add to the reaction of this stoichiometry, or take from that of the opposite one."""
+    opposite = tuple((s, -n) for s, n in direction)
+    sign = -1 if opposite in groups else 1
+    key = opposite if sign == -1 else direction
+    groups[key] = groups.get(key, sp.Integer(0)) + sign * rate
 
 
 def _is_reversible(rate: sp.Expr) -> bool:
@@ -119,7 +156,7 @@ def _is_reversible(rate: sp.Expr) -> bool:
     return signs == {True, False}
 
 
-def _bound(field: VectorField, groups: Mapping[tuple, sp.Expr]) -> tuple[set[sp.Symbol], set[sp.Symbol]]:
+def _bound(field: VectorField, groups: Mapping[Direction, sp.Expr]) -> tuple[set[sp.Symbol], set[sp.Symbol]]:
     """(complexes, what they are made of): products and reactants of bindings, which are the bilinear terms.
 
     Where the free enzyme is written as its total less the complex, the bilinear term unbinds: it takes the complex.
@@ -158,11 +195,12 @@ def _together(directions: tuple) -> list[tuple]:
     return found
 
 
-def _told(direction: tuple[tuple[sp.Symbol, sp.Rational], ...]) -> str:
+def _told(direction: Direction, values: Values) -> str:
+    def amount(state: sp.Symbol, number: sp.Expr) -> str:
+        size = number if number.xreplace(values) > 0 else -number
+        return state.name if size == 1 else f"{size} {state}" if size.is_Rational else f"({size}) {state}"
+
     def side(sign: int) -> str:
-        return (
-            " + ".join((s.name if abs(n) == 1 else f"{abs(n)} {s.name}") for s, n in direction if n * sign > 0)
-            or "0"
-        )
+        return " + ".join(amount(s, n) for s, n in direction if n.xreplace(values) * sign > 0) or "0"
 
     return f"{side(-1)} <-> {side(1)}"

@@ -98,11 +98,32 @@ class Reductions(Card):
         name = self.scene.name or "scene"
         return f"Reductions({name}: {len(self.found)} measured, {self.recommended or 'do not reduce'})"
 
+    def with_costs(self, choice: Choice) -> Reductions:
+        """The same with the costs that a `choice` of the one taken measured, so that one run has one cost."""
+        taken, own = self.taken, {c.order: c.timings for c in choice.candidates}
+
+        def costed(each: Reduction) -> Reduction:
+            if taken is None or each.name != taken.name or not own.get(each.order):
+                return each
+            candidate = replace(each.candidate, timings=own[each.order])
+            return replace(each, candidate=candidate, full_seconds=choice.candidates[-1].seconds)
+
+        rows = {each: costed(each) for each in self.found}
+        return replace(
+            self,
+            found=tuple(rows.values()),
+            recommended=None if self.recommended is None else rows[self.recommended],
+            nearest=None if self.nearest is None else rows[self.nearest],
+        )
+
     def shown(self) -> Iterator[Reduction]:
-        """Of each candidate the reduction itself, and the lowest order that serves."""
-        lowest = {each.name: each for each in sorted(self.found, key=lambda r: -r.order) if not each.why_not}
+        """Of each candidate the reduction itself, and the lowest order that serves; where none does, the nearest."""
+        followed = [each for each in self.found if _follows(each.candidate) and np.isfinite(each.error)]
+        best: dict[str, Reduction] = {}
+        for each in sorted(followed, key=lambda r: (bool(r.why_not), r.error if r.why_not else r.order)):
+            best.setdefault(each.name, each)
         for each in self.found:
-            if each.order == 0 or each is self.recommended or each is lowest.get(each.name):
+            if each.order == 0 or each is self.recommended or each is best.get(each.name):
                 yield each
 
     def __str__(self) -> str:
@@ -184,9 +205,8 @@ def find_reductions(
     timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))
     recommended = _cheapest([each for each in timed if not each.why_not])
     nearest = _nearest(timed)
-    return Reductions(
-        plain, scales, tuple(timed), recommended, nearest, special, _reason(plain, recommended, nearest, gaps)
-    )
+    reason = _reason(plain, timed, recommended, nearest, gaps)
+    return Reductions(plain, scales, tuple(timed), recommended, nearest, special, reason)
 
 
 def _field(scene: Scene) -> VectorField:
@@ -382,7 +402,13 @@ def _cheapest(serving: Sequence[Reduction]) -> Reduction | None:
     return None
 
 
-def _reason(scene: Scene, recommended: Reduction | None, nearest: Reduction | None, gaps: np.ndarray) -> str:
+def _reason(
+    scene: Scene,
+    found: Sequence[Reduction],
+    recommended: Reduction | None,
+    nearest: Reduction | None,
+    gaps: np.ndarray,
+) -> str:
     over = f"over t = {scene.span[0]:g} to {scene.span[1]:g}"
     if recommended is not None:
         return (
@@ -390,9 +416,12 @@ def _reason(scene: Scene, recommended: Reduction | None, nearest: Reduction | No
             f"{recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
         )
     if nearest is not None:
+        corrected = [e for e in found if e.name == nearest.name and e.order and _follows(e.candidate)]
+        best = min(corrected, key=lambda each: each.error, default=nearest)
+        further = f", and {best.error:.2g} to order {best.order}" if best.error < nearest.error else ""
         return (
             f"Do not reduce: no candidate stays within the tolerance {scene.tolerance:g} {over}. The nearest is the "
-            f"{nearest.name}, whose error is {nearest.error:.2g} to order 0."
+            f"{nearest.name}, whose error is {nearest.error:.2g} to order 0{further}."
         )
     if not gaps.size:
         return "Do not reduce: there is one state only."

@@ -21,7 +21,8 @@ def defect(field: VectorField, part: FastPart, run: Trajectory, times: np.ndarra
     Infinite where f = 0 does not attract along N at the run's end, or is not reached.
     """
     states = field.states
-    N = np.array([[float(d.get(s, 0)) for d in part.directions] for s in states])
+    values = dict(field.parameters)
+    N = np.array([[float(d[s].xreplace(values)) if s in d else 0.0 for d in part.directions] for s in states])
     outputs = (*part.rates, *jacobian(part.rates, states))
     function = compile_function(outputs, arguments=states, epsilon=None, parameters=tuple(field.parameters))
     constants = compile_flow(field).constants

@@ -111,6 +111,8 @@ def _analysed(
 ) -> dict[str, bytes]:
     """The files of a report of an analysis, the page last."""
     begun = time.perf_counter()
+    if reductions is not None and "choice" not in analysis.lost:
+        reductions = reductions.with_costs(analysis.choice)
     drawn = dict(charts.applicable(analysis))
     if reductions is not None:
         drawn = {"time_scales": lambda _: charts.time_scales(reductions.scales), **drawn}

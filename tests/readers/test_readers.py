@@ -497,6 +497,11 @@ CHANGES = {
     "no fast": ('c = "s - (s + kappa)*c"', "", ("[fast] is missing or empty",)),
     "both forms": ("[slow]", '[states]\nq = "-q"\n[slow]', ("both", "Keep one")),
     "no equations": (MICHAELIS_MENTEN, "[scene]\nspan = [0, 1]", ("neither", "Write one", "[slow] and [fast]")),
+    "equations in a table of another name": (
+        MICHAELIS_MENTEN,
+        '[equations]\nx = "-x"\n[scene]\nspan = [0, 1]',
+        ("neither, but [equations], [scene]", "[slow] and [fast], or [states]"),
+    ),
     "a name with a dot": ("kappa = 1", "k.on = 1\nkappa = 1", ("parameters.k", "a table", "one plain word")),
     "table that is a value": (
         "[parameters]",

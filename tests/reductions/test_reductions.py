@@ -12,9 +12,12 @@ from scipy.integrate import solve_ivp
 
 import gsp
 from gsp.choice import costs
+from gsp.choice.choice import choose
 from gsp.choice.costs import Cost, cost_beside
 from gsp.reductions import reductions
+from gsp.reductions.fast_parts import fast_parts
 from gsp.reductions.reductions import find_reductions
+from gsp.scenes.study import Study
 
 TOLERANCE = 0.05
 # k1 = 1: k-1, k2, total enzyme, end of the span. From little enzyme to much, from fast binding to slow.
@@ -425,3 +428,60 @@ def test_a_filter_that_a_slow_oscillator_drives_is_measured_by_what_it_lets_thro
     assert found[1].error == pytest.approx(1e-4, rel=0.05)
     own = gsp.choose(found[0].scene, fast=True)
     assert own.candidates[0].predicted == pytest.approx(0.01, rel=0.05)
+
+
+def test_what_two_compartments_exchange_is_found_in_their_own_volumes() -> None:
+    """c1' = -Q (c1 - c2)/V1 - ..., c2' = Q (c1 - c2)/V2: the amount V1 c1 + V2 c2 is slow, by the parameters' names."""
+    c1, c2, V1, V2, Q, most, half = sp.symbols("c1 c2 V1 V2 Q most half")
+    lost = most * c1 / (half + c1)
+    field = gsp.VectorField(
+        {c1: -Q / V1 * (c1 - c2) - lost / V1, c2: Q / V2 * (c1 - c2)},
+        parameters={V1: 5, V2: 20, Q: 40, most: 3, half: 2},
+    )
+    found = find_reductions(gsp.Scene(field, {}, {"c1": 10, "c2": 0}, (0, 40), tolerance=1e-3))
+    assert found.recommended is not None
+    assert found.recommended.name == "partial equilibrium of (V1/V2) c2 <-> c1"
+    study = Study(found.recommended.scene)
+    assert study.splitting is not None
+    (p,) = study.system.x
+    slow = study.splitting.coordinates[p]
+    # The amount, but for a constant factor.
+    assert not sp.simplify(sp.Matrix([slow, V1 * c1 + V2 * c2]).jacobian([c1, c2]).det())
+
+
+def test_terms_with_the_same_states_and_rates_of_their_own_are_no_exchange() -> None:
+    """x is made at the rate a y and lost at b x; y is made at c x and lost at d y: no one flow goes there and back."""
+    x, y, a, b, c, d = sp.symbols("x y a b c d")
+    field = gsp.VectorField({x: a * y - b * x, y: c * x - d * y}, parameters={a: 1, b: 200, c: 3, d: 4})
+    assert not [part.name for part in fast_parts(field) if "equilibrium" in part.name]
+
+
+def test_what_was_reached_is_told_where_nothing_serves() -> None:
+    """The corrections of the nearest candidate stand in the table and in the reason, with their error."""
+    x, y = sp.symbols("x y")
+    field = gsp.VectorField({x: -x + y / 2, y: 20 * (sp.sin(x) - y)})
+    found = find_reductions(gsp.Scene(field, {}, {"x": 1, "y": 0}, (0, 5), tolerance=1e-9))
+    assert found.recommended is None
+    best = min((each for each in found.found if each.name == "quasi-steady state of y"), key=lambda e: e.error)
+    assert best.order > 0
+    assert f"{best.error:.2g} to order {best.order}." in found.reason
+    assert best in found.shown()
+
+
+def test_one_run_has_one_cost() -> None:
+    """Where the one taken is chosen from again, the table has the costs of that choice."""
+    x, y = sp.symbols("x y")
+    field = gsp.VectorField({x: -x + y / 2, y: 50 * (sp.sin(x) - y)})
+    found = find_reductions(gsp.Scene(field, {}, {"x": 1, "y": 0}, (0, 5), tolerance=1e-3))
+    assert found.recommended is not None
+    choice = choose(found.recommended.scene, tolerance=1e-3)
+    told = found.with_costs(choice)
+    assert told.recommended in told.found
+    order = found.recommended.order
+    (own,) = [c for c in choice.candidates if c.order == order]
+    assert (told.recommended.seconds, told.recommended.full_seconds) == (
+        own.seconds,
+        choice.candidates[-1].seconds,
+    )
+    others = [(a, b) for a, b in zip(found.found, told.found) if a.name != found.recommended.name]
+    assert all(a is b for a, b in others)

@@ -37,7 +37,7 @@ def test_the_page_begins_with_the_time_scales_the_table_and_the_reason(found, tm
     assert [name for _, name in rows] == [each.name for each in found.shown()]
     assert [name for mark, name in rows if mark] == [found.taken.name]
     content = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
-    assert content["reductions"] == found.as_dict()
+    assert content["reductions"] == found.with_costs(analysis.choice).as_dict()
     assert content["figures"][0] == "time_scales.png"
     code = next(
         c for c in re.findall(r"<pre>(import gsp.*?)</pre>", source, re.DOTALL) if "gsp.time_scales" in c
