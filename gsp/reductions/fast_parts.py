@@ -47,13 +47,13 @@ class FastPart:
     def field(self, original: VectorField) -> VectorField:
         """N f/epsilon + (F - N f)."""
         epsilon = unused_epsilon(original)
-        factor = 1 / epsilon - 1
-        rates = dict(original.equations)
+        parts: dict[sp.Symbol, list[sp.Expr]] = {}
         for direction, rate in zip(self.directions, self.rates):
             for state, number in direction.items():
-                whole = rates[state]
-                # The whole rate is divided as it stands.
-                rates[state] = whole / epsilon if number * rate == whole else whole + factor * number * rate
+                parts.setdefault(state, []).append(number * rate)
+        rates = dict(original.equations)
+        for state, terms in parts.items():
+            rates[state] = _divided(rates[state], sp.Add(*terms), epsilon)
         return VectorField(
             rates,
             epsilon=epsilon,
@@ -61,6 +61,18 @@ class FastPart:
             name=original.name,
             observables=original.observables,
         )
+
+
+def _divided(whole: sp.Expr, part: sp.Expr, epsilon: sp.Symbol) -> sp.Expr:
+    """part/epsilon + (whole - part), where the terms of `part` leave the rest if they are some of those of `whole`."""
+    if part == whole:
+        # The whole rate is divided as it stands.
+        return whole / epsilon
+    expanded = sp.expand(whole)
+    rest = expanded - sp.expand(part)
+    if len(sp.Add.make_args(rest)) < len(sp.Add.make_args(expanded)):
+        return sp.factor_terms(part) / epsilon + rest
+    return whole + (1 / epsilon - 1) * part
 
 
 def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = ()) -> list[FastPart]:

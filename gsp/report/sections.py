@@ -287,7 +287,7 @@ class Page(Setting):
         def rows(name: str, symbols, table) -> list[tuple[Markup, Markup]]:
             zero = {k for k in range(series.order + 1) if all(table[k][s] == 0 for s in symbols)}
             found = [
-                self.block(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
+                self.coefficient(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
                 for k in range(series.order + 1)
                 for s in symbols
                 if k not in zero

@@ -9,8 +9,12 @@ import sympy as sp
 from markupsafe import Markup
 
 from gsp.results import mathml
+from gsp.results.long_formulas import count_lines
 from gsp.results.mathml import Typesetter, numeral, operator, row
 from gsp.systems.declaration import exact
+
+# A formula of more lines is read by nobody on a page: four of so many are the most of one.
+MOST_LINES = 12
 
 
 class Setting:
@@ -29,6 +33,13 @@ class Setting:
         else:
             text = row(operator("="), right if isinstance(right, str) else self.set.row(right))
         return Markup(mathml.math(left, display=True)), Markup(mathml.math(text, display=True))
+
+    def coefficient(self, left: str, right: sp.Expr) -> tuple[Markup, Markup]:
+        """The same for a coefficient of a series; one that is too long to be read says where it stands."""
+        taken = count_lines(right)
+        if taken <= MOST_LINES:
+            return self.block(left, right)
+        return self.block(left, f"<mtext>&#160;a formula of {taken} lines, in report.json</mtext>")
 
     def names(self, symbols) -> Markup:
         return Markup(", ").join(self.inline(s) for s in symbols)

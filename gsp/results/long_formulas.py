@@ -67,6 +67,12 @@ def lines(
     return rows, parts
 
 
+def count_lines(expression: sp.Expr) -> int:
+    """How many lines it takes, its named parts among them."""
+    rows, parts = lines(expression)
+    return len(rows) + sum(len(terms) for _, terms in parts)
+
+
 def _rows(
     expression: sp.Expr, fresh: Iterator[sp.Symbol], waiting: list[tuple[sp.Symbol, sp.Expr]]
 ) -> list[sp.Expr]:

@@ -449,6 +449,20 @@ def test_what_two_compartments_exchange_is_found_in_their_own_volumes() -> None:
     assert not sp.simplify(sp.Matrix([slow, V1 * c1 + V2 * c2]).jacobian([c1, c2]).det())
 
 
+def test_what_is_fast_leaves_the_rest_of_the_rates() -> None:
+    """x' = (y - x)/epsilon - x^2: not (1/epsilon - 1)(y - x) + (y - x) - x^2. At epsilon = 1 it is the model."""
+    x, y, k, c = sp.symbols("x y k c")
+    field = gsp.VectorField({x: k * (y - x) - c * x**2, y: k * (x - y) - y}, parameters={k: 50, c: 2})
+    (part,) = [each for each in fast_parts(field) if each.name == "partial equilibrium of y <-> x"]
+    made = part.field(field)
+    for z in (x, y):
+        assert sp.expand(made.equations[z].subs(made.epsilon, 1) - field.equations[z]) == 0
+    assert {z: sp.expand(rate).coeff(made.epsilon, 0) for z, rate in made.equations.items()} == {
+        x: -c * x**2,
+        y: -y,
+    }
+
+
 def test_terms_with_the_same_states_and_rates_of_their_own_are_no_exchange() -> None:
     """x is made at the rate a y and lost at b x; y is made at c x and lost at d y: no one flow goes there and back."""
     x, y, a, b, c, d = sp.symbols("x y a b c d")

@@ -19,7 +19,10 @@ import gsp
 from gsp import charts
 from gsp.report import write_report
 from gsp.report.manuscript import FIRST, SECOND
+from gsp.report.setting import Setting
 from gsp.report.tex import escaped, tex
+from gsp.results import mathml
+from gsp.results.long_formulas import count_lines
 from gsp.results.mathml import Typesetter
 from gsp.systems.system import SlowFastSystem
 from tests.analyses import analysis_of
@@ -233,3 +236,14 @@ def test_formulas_are_set_as_the_page_has_them() -> None:
         sp.Symbol("epsilon"): r"\(\epsilon \)",
     }
     assert {e: tex(set_.inline(e)) for e in made} == made
+
+
+def test_a_coefficient_that_nobody_would_read_says_where_it_stands() -> None:
+    """A sum of 200 terms is a line of text on the page and in the manuscript; a short one is set."""
+    x = sp.Symbol("x")
+    setting = Setting([x])
+    name = mathml.row("<mi>h</mi>")
+    long = sp.Add(*(sp.Integer(k + 1) * sp.sin(k * x) ** 2 for k in range(200)))
+    _, right = setting.coefficient(name, long)
+    assert f"a formula of {count_lines(long)} lines, in report.json" in tex(right)
+    assert setting.coefficient(name, x**2 + 1) == setting.block(name, x**2 + 1)

@@ -346,6 +346,10 @@ def test_numbers_and_words_are_set():
         words("off by 7.1e-05, 21e-5, 1e-5.")
         == "off by 7.1×10<sup>−5</sup>, 21×10<sup>−5</sup>, 10<sup>−5</sup>."
     )
+    assert words("p = V1*c1 + k12**2") == (
+        "p = <i>V</i><sub>1</sub>·<i>c</i><sub>1</sub> + <i>k</i><sub>12</sub><sup>2</sup>"
+    )
+    assert words("DOP853, 1e3 and x_0") == "DOP853, 1e3 and <i>x</i><sub>0</sub>"
     assert words("6.1e+01 within the layer") == "6.1×10<sup>1</sup> within the layer"
     assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
 
