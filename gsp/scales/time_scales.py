@@ -171,8 +171,8 @@ class TimeScales(Portable, Drawn, Tabular):
             else f"{gap:.3g} times as fast as the rest"
         )
         return (
-            f"From t = {start:.3g} on {least} or more of {self.rates.shape[1]} modes are exhausted; at the end "
-            f"{self.separated[i]}, {ratio}. Fast there: {', '.join(self.fast(i))}."
+            f"From t = {start:.3g} on at least {least} of {self.rates.shape[1]} modes {'is' if least == 1 else 'are'} "
+            f"exhausted; at the end {self.separated[i]}, {ratio}. Fast there: {', '.join(self.fast(i))}."
         )
 
     def __repr__(self) -> str:

@@ -40,6 +40,7 @@ from gsp.splitting.scaling import Scaling
 from gsp.splitting.splitting import Splitting, has_higher_pole, split
 from gsp.splitting.switches import Switch, has_switches
 from gsp.systems.arguments import check_noun
+from gsp.systems.declaration import exact
 from gsp.systems.flow import check_epsilon, check_order
 from gsp.systems.region import ImageBox, Interval
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -378,7 +379,13 @@ def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> Mappin
             (expression,), arguments=tuple(used), parameters=tuple(scene.system.parameters)
         )
         values = function(points, compile_flow(scene.system).constants)
-        region[symbol.name] = (float(values.min()), float(values.max()))
+        ends = [float(values.min()), float(values.max())]
+        if linear:
+            # Exactly, so that decimals stay decimals: 2.28 and not 2.2800000000000002.
+            corners = [points[int(find(values))] for find in (np.argmin, np.argmax)]
+            places = [dict(zip(used, map(exact, corner.tolist()))) for corner in corners]
+            ends = [float(expression.xreplace({**scene.system.parameters, **place})) for place in places]
+        region[symbol.name] = (ends[0], ends[1])
     made_of = [
         e.free_symbols & set(scene.system.states) for x, e in splitting.coordinates.items() if x in system.x
     ]

@@ -381,7 +381,7 @@ def test_a_parameter_that_divides_a_rational_rate_is_a_special_value_with_its_er
 def test_where_no_part_with_a_name_serves_a_special_value_may() -> None:
     # Neither u nor v alone is fast, the fast direction turns along the run, and no rate is that of a reaction.
     k = {"a": 1, "b": 1, "k": 0.01}
-    equations = {"u": "a*(v**2 - u*v) - k*u*v", "v": "b*(u*v - v**2) - k*v**3"}
+    equations = {"u": "a*(v**2 - u*v) - k*u*v", "v": "b*(u*v - v**2)/(1 + u) - k*v**3"}
     found = find_reductions(scene(equations, k, {"u": 2, "v": 1}, 100))
     assert found.recommended is not None
     assert found.recommended.name == "motion onto u - v = 0, for small k"
