@@ -68,8 +68,13 @@ class Reductions(Card):
 
     @property
     def near(self) -> list[tuple[SmallParameter, float]]:
-        """The special values with an error of a tenth at most, and that error."""
-        return [(e, e.error) for e in self.special if e.error is not None and e.error <= LARGEST]
+        """The special values that are no candidates, with an error of a tenth at most, and that error."""
+        measured = {each.name for each in self.found}
+        return [
+            (each, each.error)
+            for each in self.special
+            if each.error is not None and each.error <= LARGEST and SpecialPart(each).name not in measured
+        ]
 
     @property
     def taken(self) -> Reduction | None:

@@ -304,7 +304,7 @@ def test_a_reactor_with_a_fast_wall_is_looked_at_to_the_end() -> None:
     }
     values = {"k": 1e6, "E": 15, "q": 2, "h": 1, "Tc": 1, "tau": 0.01}
     found = find_reductions(scene(rates, values, {"c": 1, "T": 1, "W": 1}, 10))
-    ((wall, _),) = found.near
+    (wall,) = [each for each in found.special if each.error is not None and each.error <= 0.1]
     assert wall.vanishing == ("tau",)
     T, W, h, Tc = sp.symbols("T W h Tc")
     assert sp.simplify(wall.graph[W] - (h * T + Tc) / (h + 1)) == 0
@@ -381,11 +381,14 @@ def test_a_parameter_that_divides_a_rational_rate_is_a_special_value_with_its_er
 def test_where_no_part_with_a_name_serves_a_special_value_may() -> None:
     # Neither u nor v alone is fast, the fast direction turns along the run, and no rate is that of a reaction.
     k = {"a": 1, "b": 1, "k": 0.01}
-    equations = {"u": "a*(v**2 - u*v) - k*u*v", "v": "b*(u*v - v**2)/(1 + u) - k*v**3"}
+    equations = {"u": "a*(v**2 - u*v) - k*u*v", "v": "b*(u*v - v**2)*u - k*v**3"}
     found = find_reductions(scene(equations, k, {"u": 2, "v": 1}, 100))
     assert found.recommended is not None
     assert found.recommended.name == "motion onto u - v = 0, for small k"
     assert found.recommended.error <= TOLERANCE
+    # It has one error, that of the candidate.
+    assert str(found).count("motion onto u - v = 0, for small k") == 2
+    assert not found.near
 
 
 def test_states_that_are_fast_together_are_a_candidate_however_many_they_are() -> None:
