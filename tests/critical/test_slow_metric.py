@@ -78,3 +78,29 @@ def test_the_largest_rate_is_told_with_its_matrix_sign_and_direction() -> None:
     i, rate, direction = metric.extreme(A)
     assert (i, rate) == (1, pytest.approx(-3.0, rel=1e-3))
     assert direction[1] / direction[0] == pytest.approx(0.5, rel=1e-2)
+
+
+@pytest.mark.parametrize("least_rate", [0.0, 5.0])
+def test_parts_that_drive_one_another_in_turn_are_written_in_units_of_their_own(least_rate: float) -> None:
+    """A cascade of a state, a spiral with a metric of its own and two states: drives are 1e-6 of a rate, no more."""
+    A = np.zeros((1, 5, 5))
+    A[0, 0, 0] = -1.0
+    A[0, 1:3, 1:3] = [[-2.0, 3e4], [-1e-4, -0.5]]
+    A[0, 3, 3], A[0, 4, 4] = 0.25, -0.75
+    for later, earlier, drive in (
+        (1, 0, 1e3),
+        (2, 0, -40.0),
+        (3, 1, 2e5),
+        (3, 2, 8.0),
+        (4, 0, 3.0),
+        (4, 3, 1e-7),
+    ):
+        A[0, later, earlier] = drive
+    metric = least_metric(A)
+    T = metric.written(A, least=least_rate)
+    B = T @ A[0] @ np.linalg.inv(T)
+    aim = 1e-6 * max(least_rate, float(metric.rates(A)[0]))
+    for place, k in enumerate(metric.order[1:], 1):
+        before = np.concatenate([metric.parts[j] for j in metric.order[:place]])
+        assert np.abs(B[np.ix_(metric.parts[k], before)]).max() == pytest.approx(aim, rel=1e-9)
+    assert np.abs(np.linalg.eigvalsh(B + B.T)).max() / 2 == pytest.approx(float(metric.rates(A)[0]), rel=1e-4)
