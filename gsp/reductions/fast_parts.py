@@ -8,7 +8,8 @@ rate of a complex along the stoichiometry of its binding, so that totals are slo
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterable, Iterator, Mapping
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -17,7 +18,7 @@ from gsp.scenes.small_parameter import unused_epsilon
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
 
-# Sets of up to so many states are tried, while there are no more than so many.
+# Sets of up to so many states are tried; of sets and of equilibria no more than so many.
 LARGEST_SET, MOST = 3, 64
 
 # What a reaction changes, by state: numbers, or ratios of parameters, such as volumes.
@@ -77,7 +78,7 @@ def _divided(whole: sp.Expr, part: sp.Expr, epsilon: sp.Symbol) -> sp.Expr:
 
 def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = ()) -> list[FastPart]:
     """The candidates of a field, quasi-steady states of few species first, and those of the `large` sets of states."""
-    groups, values = _reactions(field), dict(field.parameters)
+    groups = _reactions(field)
     complexes, bound = _bound(field, groups)
     groups |= _exchanges(field)
     states = field.states
@@ -90,17 +91,23 @@ def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = (
 
     found: list[FastPart] = []
     for size in range(1, min(LARGEST_SET, len(states) - 1) + 1):
-        sets = list(itertools.combinations(states, size))
-        if len(found) + len(sets) > MOST:
+        if len(found) + math.comb(len(states), size) > MOST:
             break
-        found += map(quasi_steady, sets)
+        found += map(quasi_steady, itertools.combinations(states, size))
     listed = {frozenset(part.states or ()) for part in found}
     reversible = {d: rate for d, rate in groups.items() if len(d) > 1 and _is_reversible(rate)}
-    for several in _together(tuple(reversible)):
-        told = " and ".join(_told(direction, values) for direction in several)
-        rates = tuple(reversible[d] for d in several)
-        found.append(FastPart(f"partial equilibria of {told}", tuple(map(dict, several)), rates))
-    for direction, rate in reversible.items():
+    found += _equilibria(field, reversible, complexes)
+    return [*found, *(quasi_steady(chosen) for chosen in large if frozenset(chosen) not in listed)]
+
+
+def _equilibria(
+    field: VectorField, reversible: Mapping[Direction, sp.Expr], complexes: Collection[sp.Symbol]
+) -> list[FastPart]:
+    """Reversible reactions in partial equilibrium: one by one, with total quasi-steady states of complexes, in pairs and
+    all together, each kind where there is room for all of it."""
+    values = dict(field.parameters)
+    found: list[FastPart] = []
+    for direction, rate in reversible.items() if len(reversible) <= MOST else ():
         told = _told(direction, values)
         found.append(FastPart(f"partial equilibrium of {told}", (dict(direction),), (rate,)))
         for state, number in direction:
@@ -108,7 +115,14 @@ def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = (
                 along = {s: n / number for s, n in direction}
                 name = f"total quasi-steady state of {state.name} in {told}"
                 found.append(FastPart(name, (along,), (field.equations[state],)))
-    return [*found[:MOST], *(quasi_steady(chosen) for chosen in large if frozenset(chosen) not in listed)]
+    for size in (2, len(reversible)) if len(reversible) > 2 else (2,):
+        if len(found) + math.comb(len(reversible), size) > MOST:
+            continue
+        for several in filter(_are_independent, itertools.combinations(reversible, size)):
+            told = " and ".join(_told(direction, values) for direction in several)
+            rates = tuple(reversible[d] for d in several)
+            found.append(FastPart(f"partial equilibria of {told}", tuple(map(dict, several)), rates))
+    return found
 
 
 def _reactions(field: VectorField) -> dict[Direction, sp.Expr]:
@@ -129,19 +143,31 @@ def _exchanges(field: VectorField) -> dict[Direction, sp.Expr]:
     Their terms differ by a ratio of parameters, as where compartments have volumes: -Q a/V and Q a/W. Terms that merely
     have the same states in them do not have a way back of the same ratio.
     """
-    values = dict(field.parameters)
-    alike: dict[sp.Expr, list[tuple[sp.Symbol, sp.Expr]]] = {}
+    values, states = dict(field.parameters), frozenset(field.states)
+    alike: dict[sp.Expr, list[tuple[sp.Symbol, sp.Expr, float]]] = {}
     for state, term, _, _ in _terms(field):
-        coefficient, part = term.as_independent(*field.states, as_Add=False)
+        factors = sp.Mul.make_args(term)
+        part = sp.Mul(*(f for f in factors if f.free_symbols & states))
+        coefficient = sp.Mul(*(f for f in factors if not f.free_symbols & states))
         value = coefficient.xreplace(values)
         if value.is_finite and value.is_nonzero:
-            alike.setdefault(part, []).append((state, coefficient))
-    groups: dict[Direction, sp.Expr] = {}
+            alike.setdefault(part, []).append((state, coefficient, float(value)))
+    # Pairs whose ratios are equal in numbers, told apart by the symbols below: there are as many as terms cubed.
+    pairs: dict[tuple[sp.Symbol, sp.Symbol, str], list[tuple[sp.Expr, sp.Expr, sp.Expr, int]]] = {}
     for part, terms in alike.items():
-        for (one, own), (other, its) in itertools.combinations(terms, 2):
+        held = part.free_symbols
+        for (one, own, amount), (other, its, another) in itertools.combinations(terms, 2):
+            # What goes over is taken from one of the two.
+            if one != other and held & {one, other}:
+                sign = 1 if amount > 0 else -1
+                pairs.setdefault((one, other, f"{another / amount:.12g}"), []).append((part, own, its, sign))
+    groups: dict[Direction, sp.Expr] = {}
+    for (one, other, _), found in pairs.items():
+        if len({sign for *_, sign in found}) == 1:
+            continue
+        for part, own, its, sign in found:
             ratio = its / own
-            if one != other and not ratio.is_Rational:
-                sign = 1 if own.xreplace(values) > 0 else -1
+            if not ratio.is_Rational:
                 _add(groups, ((one, sp.Integer(sign)), (other, sign * ratio)), sign * own * part)
     return {direction: rate for direction, rate in groups.items() if _is_reversible(rate)}
 
@@ -195,16 +221,9 @@ def _bound(field: VectorField, groups: Mapping[Direction, sp.Expr]) -> tuple[set
     return complexes, parts - complexes
 
 
-def _together(directions: tuple) -> list[tuple]:
-    """Pairs of reactions, and all of them, where these are independent."""
-    sets = [*itertools.combinations(directions, 2), *([directions] if len(directions) > 2 else [])]
-    found = []
-    for chosen in sets:
-        states = list(dict.fromkeys(s for d in chosen for s, _ in d))
-        matrix = sp.Matrix([[dict(d).get(s, 0) for s in states] for d in chosen])
-        if matrix.rank() == len(chosen):
-            found.append(chosen)
-    return found
+def _are_independent(directions: Sequence[Direction]) -> bool:
+    states = list(dict.fromkeys(s for d in directions for s, _ in d))
+    return sp.Matrix([[dict(d).get(s, 0) for s in states] for d in directions]).rank() == len(directions)
 
 
 def _told(direction: Direction, values: Values) -> str:

@@ -502,3 +502,16 @@ def test_one_run_has_one_cost() -> None:
     )
     others = [(a, b) for a, b in zip(found.found, told.found) if a.name != found.recommended.name]
     assert all(a is b for a, b in others)
+
+
+def test_every_reaction_of_many_is_a_candidate_by_itself() -> None:
+    """A chain of 13 states has 12 reactions, of which 66 pairs are too many: neither hides the 12 nor all together."""
+    states = sp.symbols("x1:14")
+    rates = dict.fromkeys(states, sp.Integer(0))
+    for k, (one, other) in enumerate(zip(states, states[1:]), 1):
+        flow = k * one - 3 * other
+        rates = {**rates, one: rates[one] - flow, other: rates[other] + flow}
+    names = [part.name for part in fast_parts(gsp.VectorField(rates)) if "equilibri" in part.name]
+    assert len([name for name in names if name.startswith("partial equilibrium of")]) == 12
+    assert len([name for name in names if name.count(" and ") == 11]) == 1
+    assert not [name for name in names if name.count(" and ") == 1]
