@@ -103,7 +103,7 @@ def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = (
 def _equilibria(
     field: VectorField, reversible: Mapping[Direction, sp.Expr], complexes: Collection[sp.Symbol]
 ) -> list[FastPart]:
-    """Reversible reactions in partial equilibrium: one by one, with total quasi-steady states of complexes, in pairs and
+    """Reversible reactions in partial equilibrium: one by one, with total quasi-steady states of complexes, in pairs,
     all together, each kind where there is room for all of it."""
     values = dict(field.parameters)
     found: list[FastPart] = []
