@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -49,7 +49,8 @@ class Candidate:
     `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it goes, of the full system
     extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
     `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
-    predicted error of the full system is that of its integrator. A model that was not looked at has nan.
+    predicted error of the full system is that of its integrator. A model that was not looked at has nan. Where a full
+    run over the span was made anyway the error is that against it: `is_measured`.
     """
 
     kind: ModelKind
@@ -63,6 +64,7 @@ class Candidate:
     valid: bool = False
     why_not: str = ""
     failure: Failure | None = None
+    is_measured: bool = False
 
     @property
     def seconds(self) -> float:
@@ -209,6 +211,24 @@ def _held(surface: SurfaceForecast, times: np.ndarray, limit: float) -> float:
     alive = times[times <= surface.run.t[-1]]
     good = surface.inside(alive) & surface.within_region(alive) & (surface.errors(alive) <= limit)
     return float(times[max(int(np.argmin(np.append(good, False))) - 1, 0)])
+
+
+def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
+    """The trial with its error over the span, which was measured: it goes before what is predicted of it."""
+    candidate = trial.candidate
+    if not (candidate.valid or candidate.failure in (Failure.ERROR, Failure.UNTOLD)):
+        return trial
+    serves = error <= scene.tolerance
+    found = replace(
+        candidate,
+        predicted=error,
+        is_measured=True,
+        valid=serves,
+        holds_until=scene.span[1] if serves else candidate.holds_until,
+        why_not="" if serves else f"its error, measured over the span, is {error:.1e}",
+        failure=None if serves else Failure.ERROR,
+    )
+    return replace(trial, candidate=found)
 
 
 def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -> tuple[Trial, Interval]:

@@ -21,6 +21,7 @@ from gsp.choice.candidates import (
     ModelKind,
     Trial,
     full_candidate,
+    measured_candidate,
     reduced_candidate,
     run_model,
     solved_candidate,
@@ -116,7 +117,8 @@ class Choice(Card, Tabular):
             row = (
                 f"  {mark:2}{c.label:<10} {_shown(c.predicted):>9}  {seconds_shown(c.seconds):>9}  {steps:>7}  "
             )
-            lines.append(f"{row}{seconds_shown(c.preparation):>8}  {c.why_not}".rstrip())
+            why = "measured over the span" if c.is_measured and c.valid else c.why_not
+            lines.append(f"{row}{seconds_shown(c.preparation):>8}  {why}".rstrip())
         lines.append(
             f"  on t = {self.piece[0]:.4g} to {self.piece[1]:.4g}: predicted {_shown(self.predicted_on_piece)}, "
             f"measured {_shown(self.measured)}"
@@ -171,6 +173,8 @@ def choose(
     gone = max(layer, fast_time * np.log(1.0 / rtol))
     whole, piece = full_candidate(flow, start, scene, gone, rtol)
     trials = [reduced_candidate(forecast, n, scene, rtol) for n in valid_orders] if forecast else []
+    known = [study.measured.get(n) for n in valid_orders]
+    trials = [t if e is None else measured_candidate(t, e, scene) for t, e in zip(trials, known)]
     reference = _reference(forecast, scene, piece)
     trials = [_beside(trial, forecast, None, scene, piece, reference) for trial in trials]
     surface = None
@@ -343,7 +347,7 @@ def _measured(
         order = model.order
         assert order is not None
         flow, start = forecast.flows[order], forecast.starts[order]
-        predicted = float(forecast.errors(order, grid).max())
+        predicted = model.predicted if model.is_measured else float(forecast.errors(order, grid).max())
         scale = forecast.prediction.scale
     own = run_model(flow, start, scene, piece, rtol, at=grid)
     if not (own.status.ok and reference.status.ok):

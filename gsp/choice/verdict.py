@@ -134,7 +134,7 @@ def serving_of(model: Candidate, candidates: Sequence[Candidate]) -> Candidate |
 def _off(shown: Candidate, evidence: Evidence) -> str:
     """What a model is off by, of which variables."""
     of = f" in {', '.join(evidence.names)}" if evidence.names else ""
-    text = f"Its predicted error is {shown.predicted:.1e}{of}"
+    text = f"Its {'measured' if shown.is_measured else 'predicted'} error is {shown.predicted:.1e}{of}"
     if np.isfinite(evidence.layer_error):
         text += f"; in the fast variables it is {_off_behind(evidence)}"
         text += f" and {evidence.layer_error:.1e} within the layer" if evidence.layer_error > 0.0 else ""

@@ -90,7 +90,7 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
     """Find the cheapest model that meets the tolerance of MODEL: a reduced flow or the full system."""
     from gsp.choice.choice import choose as choose_model
 
-    found, fast = None, False
+    asked, found, fast = scene, None, False
     if not scene.has_small:
         from gsp.reductions.reductions import find_reductions
 
@@ -101,8 +101,8 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
             else:
                 tell(found)
             return
-        scene, fast = found.recommended.scene, found.recommended.counts_fast
-    choice = choose_model(scene, tolerance=tolerance, fast=fast, **orders_through(order))
+        asked, fast = found.study or scene, found.recommended.counts_fast
+    choice = choose_model(asked, tolerance=tolerance, fast=fast, **orders_through(order))
     if found is not None:
         tell(found.with_costs(choice), err=as_json)
     if as_json:

@@ -66,7 +66,8 @@ def report(
             show((stages.index(stage) + share) / len(stages), stage)
 
         fast = reductions is not None and reductions.taken is not None and reductions.taken.counts_fast
-        analysis = analyse(scene, order=order, fast=fast, progress=progress)
+        study = None if reductions is None else reductions.study
+        analysis = analyse(study or scene, order=order, fast=fast, progress=progress)
         page = write_report(
             analysis,
             folder,

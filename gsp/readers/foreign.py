@@ -36,10 +36,11 @@ class ForeignModel:
     """What a foreign file says, in words of the grammar of model files.
 
     `states` maps names to rates, `parameters` to numbers, `definitions` heads to expressions, `starts` states to
-    numbers; `other_starts` are further ones by name; `windows` are intervals that the file gives, or that are guessed
-    better here than around the start; `views` are names of axes with their ranges; `worked_out` maps parameters whose
-    values the file works out once, at the start, to the parameters that these are made of. `understood` and `notes` are
-    for the reader; `small` is set where the format itself says what is fast.
+    numbers; `other_starts` are further ones by name; `bounds` are intervals that no run leaves, and `windows` those
+    that the file draws, or that are guessed better here than around the start: they make a region where one is needed;
+    `views` are names of axes with their ranges; `worked_out` maps parameters whose values the file works out once, at
+    the start, to the parameters that these are made of. `understood` and `notes` are for the reader; `small` is set
+    where the format itself says what is fast.
     """
 
     origin: str
@@ -49,6 +50,7 @@ class ForeignModel:
     observables: dict[str, str] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)
     other_starts: dict[str, dict[str, str]] = field(default_factory=dict)
+    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
     windows: dict[str, tuple[float, float]] = field(default_factory=dict)
     total: str = "20"
     path: tuple[str, str] | None = None
@@ -90,6 +92,7 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
         *ordinary,
         *([f"worked out once, for this {name}, and kept when it changes: {kept}"] if kept else []),
         *_told(model),
+        "region: what the file says of bounds and windows, else a guess around the start",
     ]
     scene = read(_written(model, name, notes, fast_time=False, fast=()))
     fast = _with_poles(scene.system, divided=False)
@@ -236,8 +239,8 @@ def _written(
                 f"[{title}]",
                 *(f"{json.dumps(key)} = {json.dumps(text)}" for key, text in table.items()),
             ]
-    # Without a small parameter nothing asks for a box around the start.
-    region = model.windows if small is None else _region(model, fast)
+    # Without a small parameter a region comes from a run, where one is needed.
+    region = model.bounds if small is None else _region(model, fast)
     if region:
         lines += ["", "[region]", *(f"{name} = [{low}, {high}]" for name, (low, high) in region.items())]
     lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in model.starts.items())]
@@ -271,15 +274,16 @@ def _in_time(end: str, small: str, *, slow: bool) -> str:
 
 
 def _region(model: ForeignModel, fast: Collection[str]) -> dict[str, tuple[float, float]]:
-    """The given windows of the states, else a box around the start.
+    """Bounds and windows of the states, else a box around the start.
 
     A box around a fast state would choose a sheet that the file says nothing about: it has none, unless all are fast.
     """
     free = [name for name in model.starts if name not in fast] or list(model.starts)
     region: dict[str, tuple[float, float]] = {}
+    known = {**model.windows, **model.bounds}
     for name in model.starts:
-        if name in model.windows:
-            region[name] = model.windows[name]
+        if name in known:
+            region[name] = known[name]
         elif name in free:
             value = number_in(model.starts[name], f"the initial value of {name}")
             region[name] = value - 1.0 - abs(value), value + 1.0 + abs(value)

@@ -337,11 +337,10 @@ class _SbmlReader(Quantities):
         kept = [identifier for identifier in moving if identifier not in self.totals]
         starts = {s: number_in(self.result.starts[self.state_word(s)], self.state_word(s)) for s in kept}
         most = max((value for value in starts.values() if value > 0), default=1.0)
-        self.result.windows |= {
-            self.state_word(s): (0.0, capacity.get(s, value + most))
-            for s, value in starts.items()
-            if value >= 0
-        }
+        for s, value in starts.items():
+            if value >= 0:
+                kind = self.result.bounds if s in capacity else self.result.windows
+                kind[self.state_word(s)] = 0.0, capacity.get(s, value + most)
         if not capacity.keys().isdisjoint(starts):
             self.result.notes.append("region: what a conserved sum holds goes from 0 to all of it")
 
@@ -377,9 +376,7 @@ class _SbmlReader(Quantities):
         guessed = [c for c in self.compartments if self.is_size_guessed(c)]
         if guessed:
             notes.append(f"sizes that are not given are 1: {', '.join(guessed)[:300]}")
-        notes.append(
-            f"units are not read; the span from 0 to {TOTAL} and the region are guesses, for SBML has neither"
-        )
+        notes.append(f"units are not read; the span from 0 to {TOTAL} is a guess, for SBML has none")
 
     def is_size_guessed(self, identifier: str) -> bool:
         compartment = self.compartments[identifier]

@@ -374,9 +374,6 @@ def _take_notes(file: _File, model: ForeignModel, late: Mapping[str, str]) -> No
     )
     if renamed:
         model.notes.append(f"renamed, for they mean something already: {', '.join(renamed)[:300]}")
-    model.notes.append(
-        "region: the plotted window where the file has one, else a guess, a box around a slow one's start"
-    )
     if late:
         reason = ", ".join(
             f"{name} (line {file.definitions[name][0]}) uses {other}" for name, other in late.items()

@@ -33,7 +33,7 @@ from gsp.scenes.small_parameter import (
     with_bookkeeping,
     without_small,
 )
-from gsp.scenes.study import Study
+from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_noun, check_progress
 from gsp.systems.system import VectorField
 from gsp.systems.tolerances import absolute_tolerance
@@ -80,6 +80,17 @@ class Reductions(Card):
     def taken(self) -> Reduction | None:
         """What verbs that need a small parameter go on with."""
         return self.recommended or self.nearest
+
+    @property
+    def study(self) -> Study | None:
+        """The study of the one taken, with the errors of its orders that were measured; None where none is."""
+        taken = self.taken
+        if taken is None:
+            return None
+        tolerance = taken.scene.tolerance
+        own = [each for each in self.found if each.name == taken.name]
+        errors = {each.order: each.error for each in own if not each.why_not or each.error > tolerance}
+        return replace(study_of(taken.scene), measured=errors)
 
     def as_dict(self) -> dict[str, object]:
         """The reason, what is recommended, and every candidate, as plain values."""
@@ -251,7 +262,8 @@ def _screened(
     """The candidates that are separated and attract along the run, with how near it stays to where they are at rest."""
     times = np.linspace(float(run.t[0]), float(run.t[-1]), GRID_POINTS)
     for part in parts:
-        if gaps[part.count - 1] < _needed(LARGEST):
+        # As many directions as states leave nothing that is slow.
+        if part.count > len(gaps) or gaps[part.count - 1] < _needed(LARGEST):
             continue
         try:
             far = defect(_field(scene), part, run, times)

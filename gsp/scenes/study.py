@@ -85,6 +85,7 @@ class Study(Card):
     branch passes, `DeclarationError` when the region does not bound every raw state that a slow coordinate is made of.
     A scene whose field has switches phi(s/epsilon) is kept in the variables in which they are fast, and `switches` says
     which these are. One whose field has a pole of higher order is kept in scaled variables, and `scaling` says which.
+    `measured` are errors of its reduced flows by order, where they were measured against a full run from the start.
 
     >>> from gsp import models, study
     >>> michaelis = study(models.load("michaelis_menten"))
@@ -95,6 +96,7 @@ class Study(Card):
     scene: Scene
     switches: tuple[Switch, ...] = ()
     scaling: Scaling | None = None
+    measured: Mapping[int, float] = field(default_factory=dict)
     _kept: _Kept = field(default_factory=_Kept)
 
     @property
@@ -277,7 +279,7 @@ class Study(Card):
             epsilon=scene.epsilon if epsilon is None else epsilon,
             tolerance=scene.tolerance if tolerance is None else tolerance,
         )
-        return replace(self, scene=scene_with_settings)
+        return replace(self, scene=scene_with_settings, measured=self.measured if epsilon is None else {})
 
     def __repr__(self) -> str:
         return f"Study({self.scene.name or self.scene.system.name or 'unnamed'}: {self._made()})"

@@ -50,6 +50,11 @@ def test_the_region_of_what_is_conserved_is_all_of_it(tmp_path: Path) -> None:
     kept = read(tmp_path, pairs).region
     assert kept["w"] == (0.0, 2.0)
     assert [kept[name] for name in kept if name != "w"] in ([(0.0, 5.0)], [(0.0, 2.5)])
+    # Without a small parameter nothing needs a guess, and a run is not told to end at one.
+    without = read(tmp_path, pairs.replace("/eps", "").replace("; eps = 0.1", ""))
+    assert not without.has_small
+    assert "w" not in without.region
+    assert list(without.region.values()) in ([(0.0, 5.0)], [(0.0, 2.5)])
 
 
 @pytest.mark.parametrize(

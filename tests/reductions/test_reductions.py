@@ -13,8 +13,11 @@ from scipy.integrate import solve_ivp
 
 import gsp
 from gsp.choice import costs
+from gsp.choice.candidates import Candidate, ModelKind, Trial, measured_candidate
 from gsp.choice.choice import choose
 from gsp.choice.costs import Cost, cost_beside
+from gsp.choice.prediction import Failure
+from gsp.choice.verdict import Answer
 from gsp.reductions import reductions
 from gsp.reductions.fast_parts import fast_parts
 from gsp.reductions.reductions import find_reductions
@@ -220,6 +223,13 @@ def test_raw_equations_lead_to_the_right_reduced_model(name: str, monkeypatch: p
     if slow is not None:
         assert [s.name for s in study.system.x] == slow
     assert f"->{found.recommended.name}" in str(found)
+    assert found.taken is found.recommended
+    # One answer to one question: what the table recommends `choose` does not turn down, with the same error.
+    assert found.study is not None
+    choice = choose(found.study, fast=found.recommended.counts_fast)
+    assert choice.verdict.answer in (Answer.YES, Answer.AS_FAST, Answer.NO_GAIN)
+    (own,) = [c for c in choice.candidates if c.order == found.recommended.order]
+    assert own.predicted == found.recommended.error
 
 
 def test_what_slows_the_machine_while_one_candidate_is_looked_at_changes_no_recommendation(
@@ -517,3 +527,58 @@ def test_every_reaction_of_many_is_a_candidate_by_itself() -> None:
     assert len([name for name in names if name.startswith("partial equilibrium of")]) == 12
     assert len([name for name in names if name.count(" and ") == 11]) == 1
     assert not [name for name in names if name.count(" and ") == 1]
+
+
+def test_as_many_directions_as_states_leave_nothing_slow_and_are_no_candidate() -> None:
+    """Of 0 <-> x + y and x <-> y together every motion is fast."""
+    equations = {"x": "a - b*x*y - c*x + d*y", "y": "a - b*x*y + c*x - d*y"}
+    found = find_reductions(scene(equations, {"a": 1, "b": 30, "c": 1, "d": 2}, {"x": 2, "y": 1}, 10))
+    assert not [each for each in found.found if " and " in each.name]
+
+
+def test_what_is_bound_for_good_is_no_complex() -> None:
+    """Standard and reverse quasi-steady states are of complexes that come apart again."""
+    s, e, c, k, m = sp.symbols("s e c k m")
+    bound = {s: -k * s * e, e: -k * s * e + m * c, c: k * s * e - m * c}
+    names = [part.name for part in fast_parts(gsp.VectorField(bound, parameters={k: 1, m: 1}))]
+    assert not [name for name in names if name.startswith(("standard", "reverse", "total"))]
+
+
+@pytest.mark.parametrize(
+    ("failure", "error", "valid"),
+    [
+        (Failure.ERROR, 5e-4, True),
+        (Failure.UNTOLD, 5e-4, True),
+        (Failure.UNTOLD, 2e-3, False),
+        (None, 2e-3, False),
+        (Failure.GAP, 5e-4, False),
+        (Failure.KINK, 5e-4, False),
+    ],
+)
+def test_an_error_that_was_measured_goes_before_what_is_predicted(
+    failure: Failure | None, error: float, valid: bool
+) -> None:
+    """It says yes where nothing tells the error, and no where a prediction is too good; it mends no loss of the gap."""
+    asked = replace(gsp.models.load("michaelis_menten"), tolerance=1e-3)
+    predicted = Candidate(ModelKind.REDUCED, 1, 1e-5, 2.0, valid=failure is None, failure=failure)
+    found = measured_candidate(Trial(predicted), error, asked).candidate
+    assert found.valid is valid
+    if failure in (Failure.GAP, Failure.KINK):
+        assert found == predicted
+    else:
+        assert found.is_measured
+        assert found.predicted == error
+        assert found.holds_until == (asked.span[1] if valid else 2.0)
+
+
+def test_choose_takes_the_errors_that_a_study_has() -> None:
+    study = gsp.study(gsp.models.load("michaelis_menten"))
+    told = choose(study, solve=False, tolerance=1e-3)
+    serving = min(c.order for c in told.candidates if c.order is not None and c.valid)
+    asked = replace(study, measured={serving: 2e-3})
+    (now,) = [c for c in choose(asked, solve=False, tolerance=1e-3).candidates if c.order == serving]
+    assert not now.valid
+    assert now.why_not == "its error, measured over the span, is 2.0e-03"
+    # At another epsilon the errors are others.
+    assert asked.asking(epsilon=0.01).measured == {}
+    assert asked.asking(tolerance=0.01).measured == asked.measured
