@@ -15,6 +15,10 @@ RUNS, MEASUREMENTS = 3, 2
 # computed, less than they cost in accuracy. Models within a tenth of one another cost the same.
 WORTH_IT = 0.9
 
+# What takes so many times as long as the quickest, in so many runs, is dear whatever slows the machine. It is run no
+# more.
+DEAR, SURE = 100.0, 2
+
 clock = time.perf_counter
 
 
@@ -39,19 +43,29 @@ def timed(trials: Sequence[Trial]) -> list[Candidate]:
 
     The runs are taken in turn: what slows the machine for a while slows every model.
     """
-    measurements = [_measurement(trials) for _ in range(MEASUREMENTS)]
+    rounds: list[list[list[float]]] = [[] for _ in trials]
+    repeated = range(len(trials))
+    for k in range(RUNS * MEASUREMENTS):
+        if k == SURE:
+            least = [min(map(sum, own)) for own in rounds]
+            quickest = min((seconds for seconds in least if seconds > 0.0), default=0.0)
+            repeated = [i for i, seconds in enumerate(least) if seconds <= DEAR * quickest]
+        for i in repeated:
+            rounds[i].append(_round(trials[i]))
     return [
-        replace(trial.candidate, timings=timings) if trial.runs else trial.candidate
-        for trial, timings in zip(trials, zip(*measurements))
+        replace(trial.candidate, timings=_timings(trial, own)) if trial.runs else trial.candidate
+        for trial, own in zip(trials, rounds)
     ]
 
 
-def _measurement(trials: Sequence[Trial]) -> list[float]:
-    rounds = [[[_seconds(run) for run in trial.runs] for trial in trials] for _ in range(RUNS)]
-    return [
-        trial.cost(*(min(seconds) for seconds in zip(*own))) if trial.runs else float("nan")
-        for trial, own in zip(trials, zip(*rounds))
-    ]
+def _round(trial: Trial) -> list[float]:
+    return [_seconds(run) for run in trial.runs]
+
+
+def _timings(trial: Trial, rounds: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """What a run costs by each measurement; what is dear counts alike in all of them."""
+    parts = [rounds[k * RUNS : (k + 1) * RUNS] or rounds for k in range(MEASUREMENTS)]
+    return tuple(trial.cost(*(min(seconds) for seconds in zip(*part))) for part in parts)
 
 
 def _seconds(run: Callable[[], object]) -> float:

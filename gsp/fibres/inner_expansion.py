@@ -276,7 +276,8 @@ def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:
 
 def _varies(slope: sp.Expr, problem: Problem) -> bool:
     """Whether `slope` has two values at two values of y: then g is not linear, and nothing need be simplified."""
-    here = {y: exact(problem.start[y.name]) for y in problem.system.y}
+    # As decimals: an exact power such as (p/q)^(17/10) has its integers taken apart into primes.
+    here = {y: sp.Float(problem.start[y.name]) for y in problem.system.y}
     beside = {y: value + sp.Rational(k + 1, 7) for k, (y, value) in enumerate(here.items())}
     first, second = (sp.N(slope.xreplace(point)) for point in (here, beside))
     if not (first.is_Float or first.is_Rational) or not (second.is_Float or second.is_Rational):

@@ -78,6 +78,16 @@ def test_a_saving_that_two_measurements_do_not_share_is_about_the_same(
     assert words in found.speed
 
 
+def test_what_is_dear_is_run_twice_and_one_slow_run_makes_nothing_dear(clock) -> None:
+    quick, hindered, dear = timed(
+        [clock.trial(0, *6 * [1.0]), clock.trial(1, 500.0, *5 * [1.5]), clock.trial(2, 400.0, 300.0)]
+    )
+    assert clock.made.count(2) == 2
+    assert clock.made.count(0) == clock.made.count(1) == RUNS * MEASUREMENTS
+    assert (quick.seconds, hindered.seconds, dear.seconds) == (1.0, 1.5, 300.0)
+    assert cost_beside(dear, quick) is Cost.MORE
+
+
 @pytest.mark.parametrize(("later", "answer"), [(1.0, Answer.YES), (1e4, Answer.AS_FAST)])
 def test_choose_the_report_and_simulate_share_what_was_measured(later, answer, monkeypatch) -> None:
     # A reduced step takes a hundredth of a full one, and in the second measurement `later` times as long.
