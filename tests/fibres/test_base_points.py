@@ -410,10 +410,9 @@ def test_a_layer_across_a_jump_of_a_fast_variable_is_not_taken_for_linear() -> N
 
 def test_powers_of_long_decimals_end_no_layer() -> None:
     """Whether the layer is linear is asked in decimals: as exact numbers (p/q)^(r/s) are taken apart into primes."""
-    x, y, epsilon = sp.symbols("x y epsilon")
     base = 1 + (x * y) ** 6 / 7 + x**5 * y**3
     fast = base ** (-y / (1 + y) - sp.Rational(17, 10)) - y
-    system = gsp.SlowFastSystem(slow={x: -x}, fast={y: fast}, epsilon=epsilon)
-    branch = gsp.solve_critical(system).branches[0].through({"x": 1.371728123, "y": 0.5})
+    system = SlowFastSystem(slow={x: -x}, fast={y: fast}, epsilon=epsilon)
+    branch = solve_critical(system).branches[0].through({"x": 1.371728123, "y": 0.5})
     found = expand_inner(branch, {"x": 1.371728123456, "y": 0.000612345678}, order=1)
     assert not found.is_exact
