@@ -157,7 +157,7 @@ class Prediction:
             # At the zero of a root, where a run may begin, the rate is infinite for that instant.
             rates[np.isinf(rates) & (times[alive] <= self.settled)] = 0.0
             ratio = gap / (self.epsilon * rates)
-        inside = self.inside(self.runs[order], slow)
+        inside = self.inside(self.runs[order], slow) | (not self._leaves(order, limit))
         beyond = times[alive] > self.crossing(order)
         past = self._past_best(order, terms)
         # A run of higher order ends where the series stops being asymptotic; beyond that nothing is predicted.
@@ -181,8 +181,15 @@ class Prediction:
             )
         return found
 
-    def inside(self, run: Trajectory, states: np.ndarray) -> np.ndarray:
-        """Which of `states` (m, n) of a run are in the region, or no further out than where it begins.
+    def _leaves(self, order: int, limit: float) -> bool:
+        """Whether the run of this order is anywhere further out of the region than it may be off."""
+        run = self.runs[order]
+        times = np.linspace(self.first, self.covered(order), CHECKS)
+        return not self.inside(run, self._places(run, times)[1], within=limit).all()
+
+    def inside(self, run: Trajectory, states: np.ndarray, *, within: float = BESIDE) -> np.ndarray:
+        """Which of `states` (m, n) of a run are in the region, or no further out than where it begins, or than the run
+        may be off, a share `within` of a side.
 
         The region of a field that was split bounds its raw states, whichever of them became fast coordinates.
         The base point of a start on the region's edge lies beyond it by as much as its fibre carries it.
@@ -197,7 +204,7 @@ class Prediction:
         good = np.ones(len(states), dtype=bool)
         for name, (low, high) in region.items():
             first, later = values[name][0], values[name][1:]
-            slack = BESIDE * (high - low)
+            slack = max(within, BESIDE) * (high - low)
             if name in widened:
                 low, high = min(low, first), max(high, first)
             good &= ~((later < low - slack) | (later > high + slack))

@@ -385,6 +385,18 @@ def test_leaving_the_region_and_a_long_layer_are_reasons() -> None:
     assert "layer takes" in layer.candidates[0].why_not
 
 
+@pytest.mark.parametrize(("tolerance", "leaves"), [(1e-2, False), (1e-3, False), (1e-5, True)])
+def test_a_run_out_of_the_region_by_no_more_than_it_may_be_off_has_not_left_it(
+    tolerance: float, leaves: bool
+) -> None:
+    """x goes to 2.0004 where the region ends at 2; what is told of a run that leaves is when it crosses the side."""
+    asked = scene(sp.Integer(1), x - y, region={"x": (0, 2)}, start={"x": 1, "y": 0}, span=(0, 1.0004))
+    reduced = choose(replace(asked, tolerance=tolerance), orders=(1,), solve=False).candidates[0]
+    assert (reduced.failure is Failure.REGION) is leaves
+    if leaves:
+        assert reduced.why_not == f"{Failure.REGION} at t = 1"
+
+
 @pytest.mark.exhaustive
 def test_a_run_whose_series_ends_is_not_said_to_lose_hyperbolicity() -> None:
     # A gene's messenger far from rest: the base point of order 2 lies where no term of the series falls; g_y is -1.
