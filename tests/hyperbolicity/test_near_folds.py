@@ -184,9 +184,9 @@ def test_searches_next_to_the_end_of_a_sheet_stop_when_their_steps_are_spent(mon
     steps, refine = counted_steps(monkeypatch), Locator.refine
     taken = []
 
-    def refined(self, worst):
+    def refined(self, worst, **how):
         before = len(steps)
-        result = refine(self, worst)
+        result = refine(self, worst, **how)
         taken.append(sum(steps[before:]))
         return result
 
