@@ -238,8 +238,8 @@ def toggle_switch() -> Scene:
 
 @pytest.mark.exhaustive
 def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(monkeypatch) -> None:
-    # The region is wide: neither 153 points nor the 20,000 of the iterates resolve what the power 5/2 makes of it.
-    monkeypatch.setattr(table_module, "MOST_POINTS", 153)
+    # The region is wide: neither 289 points nor the 20,000 of the iterates resolve what the power 5/2 makes of it.
+    monkeypatch.setattr(table_module, "MOST_POINTS", 289)
     made: list[float] = []
     over = FraserRoussel.over
 
@@ -250,8 +250,8 @@ def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(
     monkeypatch.setattr(FraserRoussel, "over", counted)
     table = method_table(toggle_switch(), epsilons=(0.01, 0.005), refinements=(), orders=(0, 1))
     assert made == [0.01, 0.005]
-    assert "81 segments, estimated error" in table.endings["solved", 0.005]
-    assert "the 153 points allowed do not resolve the surface along u, v, the next grid has 289" in str(table)
+    assert "289 segments, estimated error" in table.endings["solved", 0.005]
+    assert "the 289 points allowed do not resolve the surface along u, v, the next grid has 1089" in str(table)
     assert table["Fraser-Roussel 3"].evaluations < 10
 
 
