@@ -72,6 +72,11 @@ class Candidate:
         return min(self.timings, default=float("nan"))
 
     @property
+    def remark(self) -> str:
+        """Why it does not serve, or that its error was measured; empty where it serves as predicted."""
+        return "measured over the span" if self.is_measured and self.valid else self.why_not
+
+    @property
     def label(self) -> str:
         """Kind and order."""
         return str(self.kind) if self.order is None else f"{self.kind} {self.order}"

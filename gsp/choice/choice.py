@@ -117,8 +117,7 @@ class Choice(Card, Tabular):
             row = (
                 f"  {mark:2}{c.label:<10} {_shown(c.predicted):>9}  {seconds_shown(c.seconds):>9}  {steps:>7}  "
             )
-            why = "measured over the span" if c.is_measured and c.valid else c.why_not
-            lines.append(f"{row}{seconds_shown(c.preparation):>8}  {why}".rstrip())
+            lines.append(f"{row}{seconds_shown(c.preparation):>8}  {c.remark}".rstrip())
         lines.append(
             f"  on t = {self.piece[0]:.4g} to {self.piece[1]:.4g}: predicted {_shown(self.predicted_on_piece)}, "
             f"measured {_shown(self.measured)}"

@@ -157,7 +157,9 @@ class Prediction:
             # At the zero of a root, where a run may begin, the rate is infinite for that instant.
             rates[np.isinf(rates) & (times[alive] <= self.settled)] = 0.0
             ratio = gap / (self.epsilon * rates)
-        inside = self.inside(self.runs[order], slow) | (not self._leaves(order, limit))
+        inside = self.inside(self.runs[order], slow)
+        if not (inside.all() or self._leaves(order, limit)):
+            inside[:] = True
         beyond = times[alive] > self.crossing(order)
         past = self._past_best(order, terms)
         # A run of higher order ends where the series stops being asymptotic; beyond that nothing is predicted.

@@ -370,10 +370,11 @@ class Page(Setting):
                     "predicted": c.predicted,
                     "microseconds": 1e6 * c.seconds,
                     "steps": round(c.steps) if math.isfinite(c.steps) else "–",
-                    "why": "serves" if c.valid else c.why_not,
+                    "why": ": ".join(filter(None, ("serves" * c.valid, c.remark))),
                 }
                 for name, c in zip(names, found.candidates)
             ],
+            "is_measured": any(c.is_measured for c in found.candidates),
             "layer": found.layer,
             "piece": span(found.piece),
             "predicted": found.predicted_on_piece,

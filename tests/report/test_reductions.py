@@ -36,6 +36,7 @@ def test_the_page_begins_with_the_time_scales_the_table_and_the_reason(found, tm
     rows = re.findall(r"<tr><td>(.*?)</td><td>(quasi-steady[^<]*)</td>", text)
     assert [name for _, name in rows] == [each.name for each in found.shown()]
     assert [name for mark, name in rows if mark] == [found.taken.name]
+    assert "an error was measured" not in text
     content = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
     assert content["reductions"] == found.with_costs(analysis.choice).as_dict()
     assert content["figures"][0] == "time_scales.png"
@@ -50,3 +51,14 @@ def test_the_page_begins_with_the_time_scales_the_table_and_the_reason(found, tm
     assert drawn[1] == "time_scales.svg"
     # The model of the folder has a small parameter, and the same time scales.
     np.testing.assert_allclose(drawn[0].times[-1], found.scales.times[-1], rtol=1e-6)
+
+
+def test_the_page_says_which_errors_were_measured(found, tmp_path) -> None:
+    """Of a study with the table's errors the verdict, the rows and the sentence below speak of measured ones."""
+    page = gsp.write_report(
+        gsp.analyse(found.study, order=1, orders=(0, 1)), tmp_path / "motor", reductions=found
+    )
+    source = page.read_text(encoding="utf-8")
+    assert "Its measured error is" in source
+    assert "serves: measured over the span" in source
+    assert "Where the table says that an error was measured" in source
