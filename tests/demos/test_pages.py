@@ -217,5 +217,13 @@ def test_paper_has_the_pictures_and_not_what_is_pressed(opened) -> None:
         assert page.run(seen, "nav button, .save button, input[type=range]") == 0
         assert page.run(seen, "canvas") > 0
         assert page.run(seen, "#tale") == 1
+        # A picture keeps the shape in which it was drawn, and a run that is not drawn has no line.
+        shapes = (
+            "return [...document.querySelectorAll('canvas')].filter((e) => e.offsetParent)"
+            ".map((e) => (e.clientWidth * e.height) / (e.clientHeight * e.width))"
+        )
+        assert page.run(shapes) == pytest.approx([1] * len(page.run(shapes)), abs=0.02)
+        checked = page.run("return document.querySelectorAll('.order input:checked').length")
+        assert page.run(seen, ".order:not(.full)") == checked
     finally:
         page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})

@@ -254,6 +254,7 @@ function drawErrors(view, model, ladder, epsilon, colours, orders, rivals) {
     rivals.forEach((name, k) => line((row) => row.rivals[name], colours.rivals[k % 2], RIVAL_DASHES[k % 2]));
   });
   const exact = points.length && orders.filter((order) => points.every((row) => row.orders[order] <= FLOOR));
+  view.figure.classList.toggle("idle", lines === 0);
   const said = lines === 0
     ? "Switch an order on to measure its error."
     : exact.length ? `exact to rounding: order ${exact.join(", ")}` : "";
