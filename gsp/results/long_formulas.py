@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import count
+from collections.abc import Iterable
 from typing import Any, cast
 
 import sympy as sp
@@ -48,22 +47,38 @@ def width(expression: sp.Basic) -> float:
     return len(type(expression).__name__) + 2.0 + sum(width(argument) + 1 for argument in expression.args)
 
 
+class NamedParts:
+    """The parts of formulas that have names, S_1, S_2, ...: on one page a part has one name, and no other has it."""
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._names = Names(taken)
+        self._symbols: dict[sp.Expr, sp.Symbol] = {}
+
+    def __contains__(self, part: sp.Expr) -> bool:
+        return part in self._symbols
+
+    def __getitem__(self, part: sp.Expr) -> sp.Symbol:
+        if part not in self:
+            self._symbols[part] = sp.Symbol(self._names(f"S_{len(self._symbols) + 1}"))
+        return self._symbols[part]
+
+
 def lines(
-    expression: sp.Expr, *, first: int = 1
+    expression: sp.Expr, named: NamedParts | None = None
 ) -> tuple[list[sp.Expr], list[tuple[sp.Symbol, list[sp.Expr]]]]:
     """(rows of the expression, its named parts with their rows): sums of terms that each fit into a line.
 
-    The rows add up to the expression once the names are replaced in order; a narrow expression is one row. Names are
-    numbered from `first` on.
+    The rows add up to the expression once the names are replaced in order; a narrow expression is one row. Parts that
+    have a name in `named` stand by it, and those that get one are added to it.
     """
-    names = Names(s.name for s in expression.free_symbols if isinstance(s, sp.Symbol))
-    fresh = (sp.Symbol(names(f"S_{k}")) for k in count(first))
+    if named is None:
+        named = NamedParts(s.name for s in expression.free_symbols if isinstance(s, sp.Symbol))
     parts: list[tuple[sp.Symbol, list[sp.Expr]]] = []
     waiting: list[tuple[sp.Symbol, sp.Expr]] = []
-    rows = _rows(expression, fresh, waiting)
+    rows = _rows(expression, named, waiting)
     while waiting:
         symbol, part = waiting.pop(0)
-        parts.append((symbol, _rows(part, fresh, waiting)))
+        parts.append((symbol, _rows(part, named, waiting)))
     return rows, parts
 
 
@@ -73,9 +88,7 @@ def count_lines(expression: sp.Expr) -> int:
     return len(rows) + sum(len(terms) for _, terms in parts)
 
 
-def _rows(
-    expression: sp.Expr, fresh: Iterator[sp.Symbol], waiting: list[tuple[sp.Symbol, sp.Expr]]
-) -> list[sp.Expr]:
+def _rows(expression: sp.Expr, named: NamedParts, waiting: list[tuple[sp.Symbol, sp.Expr]]) -> list[sp.Expr]:
     """Terms packed into lines; a term that is too wide gives its widest sums away to `waiting`."""
     if width(expression) <= WIDTH:
         return [expression]
@@ -89,11 +102,9 @@ def _rows(
             if not sums:
                 break
             widest = max(sums, key=width)
-            known = next((symbol for symbol, part in waiting if part == widest), None)
-            symbol = next(fresh) if known is None else known
-            if known is None:
-                waiting.append((symbol, widest))
-            term = term.xreplace({widest: symbol})
+            if widest not in named:
+                waiting.append((named[widest], widest))
+            term = term.xreplace({widest: named[widest]})
         if rows[-1] and sum(map(width, rows[-1])) + 2.5 * len(rows[-1]) + width(term) > WIDTH:
             rows.append([])
         rows[-1].append(term)

@@ -17,7 +17,7 @@ from sympy.printing.conventions import split_super_sub
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from gsp.results.lettering import letter, rate_of
-from gsp.results.long_formulas import lines
+from gsp.results.long_formulas import NamedParts, lines
 
 _ONE_LINE = re.compile(r"<mo>\(</mo>((?:(?!<mo>[()]</mo>|<mfrac).)*)<mo>\)</mo>")
 
@@ -83,8 +83,7 @@ class Typesetter:
     def __init__(self, symbols: Iterable[sp.Symbol]) -> None:
         ordered = list(dict.fromkeys(symbols))
         self._stand_ins = {s: sp.Symbol(f"s{i:03d}") for i, s in enumerate(ordered)}
-        # Parts of long formulas that have a name: no two on a page have the same.
-        self._named = 0
+        self._named = NamedParts(s.name for s in ordered)
         self._printer = _MathPrinter({stand_in: s for s, stand_in in self._stand_ins.items()})
 
     def row(self, expression: sp.Basic | sp.MatrixBase) -> str:
@@ -113,11 +112,13 @@ class Typesetter:
         return f'<mtable class="matrix" displaystyle="true">{"".join(rows)}</mtable>'
 
     def broken(self, expression: sp.Expr, *, sign: str) -> str:
-        """A `sign` and the expression, in as many lines as it needs, its parts named below where it is too wide."""
-        rows, parts = lines(expression, first=self._named + 1)
-        self._named += len(parts)
+        """A `sign` and the expression, in as many lines as it needs, its parts named below where it is too wide.
+
+        A part that the page has named before stands by its name alone.
+        """
+        rows, parts = lines(expression, self._named)
         if len(rows) == 1 and not parts:
-            return row(sign, self.row(expression))
+            return row(sign, self.row(rows[0]))
         made = [row(*([sign] if k == 0 else []), self._line(term, k > 0)) for k, term in enumerate(rows)]
         for symbol, terms in parts:
             head = row("<mtext>where&#160;</mtext>", self.row(symbol), operator("="))

@@ -229,8 +229,11 @@ def _require_attracting(branch: Branch, start: Point) -> None:
 
 
 def _told(flight: Flight) -> str:
-    place = ", ".join(f"{name} = {value:.8g}" for name, value in flight.point.items())
-    return f"it flies for a slow time {flight.duration:.10g} and comes down at {place}"
+    return f"it flies for a slow time {flight.duration:.10g} and comes down at {_place(flight.point)}"
+
+
+def _place(point: Point) -> str:
+    return ", ".join(f"{name} = {value:.8g}" for name, value in point.items())
 
 
 def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[SlowPiece, Reason]:
@@ -239,8 +242,11 @@ def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[Slow
     run = _run(_reduced(branch, point), branch, point, longest)
     if run.status is not Status.FOLD_REACHED:
         if run.status.ok:
-            why = Reason(f"no fold within a slow time of {run.t[-1] - run.t[0]:g}")
-            return SlowPiece(run, None), why
+            last = {s.name: float(run[s.name][-1]) for s in branch.system.states}
+            # From a place of rest it would take longer than the whole piece to get anywhere.
+            if _time_to_move(branch, last) > longest:
+                return SlowPiece(run, None), Reason(f"the slow flow comes to rest at {_place(last)}")
+            return SlowPiece(run, None), Reason(f"no fold within a slow time of {longest:g}")
         return SlowPiece(run, None), Reason(f"the slow flow ends otherwise than at a fold: {run.message}")
     ends = np.array([run[s.name] for s in branch.system.states])
     # A root in h_0 may not be real within rounding of the fold.
@@ -296,11 +302,15 @@ def _run(flow: ReducedFlow, branch: Branch, point: Point, longest: float) -> Tra
 
 def _longest(branch: Branch, point: Point) -> float:
     """How long a piece from `point` is followed, in slow time; one that stands still gets nowhere in any."""
+    moves = _time_to_move(branch, point)
+    return PATIENCE * (moves if np.isfinite(moves) else 1.0)
+
+
+def _time_to_move(branch: Branch, point: Point) -> float:
     given = values_by_name(point, what="start")
     x = np.array([given[s.name] for s in branch.system.x])
     z = np.concatenate([x, branch.through(point).points(x[None, :])[0]])
-    moves = time_to_move(x, Sampler(branch).rates(z[None, :])[0, : len(x)], branch.scales[0])
-    return PATIENCE * (moves if np.isfinite(moves) else 1.0)
+    return time_to_move(x, Sampler(branch).rates(z[None, :])[0, : len(x)], branch.scales[0])
 
 
 def _closed(landings: list[np.ndarray], landed: np.ndarray) -> int:

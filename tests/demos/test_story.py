@@ -234,3 +234,19 @@ def test_the_two_equations_are_told_apart_by_the_colour_blind(theme: str, page, 
     for colour in shown[:2]:
         low, high = sorted(float(XYZ[1] @ linear(c)) for c in (colour, shown[3]))
         assert (high + 0.05) / (low + 0.05) >= 3
+
+
+def test_a_mark_is_a_line_at_a_value_of_either_axis(cart, page, tmp_path) -> None:
+    step = '[[steps]]\ntext = "Here."\nviews = ["plane"]\n'
+    marked = step + 'marks = [{{ axis = "{}", at = 0.5, name = "here" }}]\n'
+    text = 'axes = ["x", "v"]\n' + step + marked.format("x") + marked.format("v")
+    (tmp_path / "story.toml").write_text(text, encoding="utf-8")
+    page.open(gsp.write_demo(cart, tmp_path / "cart.html", story=tmp_path / "story.toml"))
+    ink = []
+    for _ in range(3):
+        page.settle()
+        ink.append(page.inked("plane"))
+        page.run("document.getElementById('next').click()")
+    plain, upright, level = ink
+    assert upright > plain + 100
+    assert level > plain + 100

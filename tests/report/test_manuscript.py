@@ -168,11 +168,10 @@ def test_a_number_that_is_off_is_seen() -> None:
         assert unknown(text.replace(right, wrong), content) == pytest.approx([value])
 
 
-# What is said and proved of folds and cycles may take a third page.
-@pytest.mark.parametrize(("name", "pages"), [("van_der_pol", 3), ("michaelis_menten", 2)])
-def test_a_small_model_takes_two_pages_as_it_is(folders, name, pages) -> None:
+@pytest.mark.parametrize("name", ["van_der_pol", "michaelis_menten"])
+def test_a_small_model_takes_two_pages_as_it_is(folders, name) -> None:
     printed = compiled(folders(name))
-    assert printed.count("\f") == pages
+    assert printed.count("\f") == 2
     assert ("Where the reduction ends" in printed) == (name == "van_der_pol")
     content = json.loads((folders(name) / "report.json").read_text(encoding="utf-8"))
     body = printed.partition("References")[0]

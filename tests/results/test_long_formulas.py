@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import sympy as sp
 
-from gsp.results.long_formulas import lines
+from gsp.results.long_formulas import NamedParts, lines
 from gsp.results.mathml import Typesetter, operator
 
 a, b, c = sp.symbols("a b c")
@@ -30,3 +30,25 @@ def test_the_lines_add_up() -> None:
     rows, parts = lines(polynomial)
     assert parts == []
     assert sp.expand(sp.Add(*rows) - polynomial) == 0
+
+
+def test_a_part_has_one_name_on_a_page_and_no_other_symbol_has_it() -> None:
+    """Numerators of a slow manifold's coefficient and of the reduced flow's are often the same sum."""
+    part = sp.expand((3 * a - 2 * b + c - 1) ** 3)
+    taken = sp.Symbol("S_1")
+    named = NamedParts([taken.name])
+    (first,), parts = lines(part / (part + a**2) / taken, named)
+    (again,), none = lines(taken * part**2, named)
+    assert none == []
+    assert taken not in dict(parts)
+    name = {sp.Add(*rows): symbol for symbol, rows in parts}[part]
+    assert again == taken * name**2
+    assert first.has(name)
+
+
+def test_a_page_shows_the_name_of_a_part_that_it_has_shown_before() -> None:
+    part = sp.expand((3 * a - 2 * b + c - 1) ** 3)
+    page = Typesetter([c, b, a])
+    first, again = (page.broken(expression, sign=operator("=")) for expression in (a / part, c / part))
+    assert "where" in first
+    assert len(again) < len(first) / 4

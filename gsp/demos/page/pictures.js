@@ -86,16 +86,22 @@ function drawPlane(view, model, s, curves, i, j, now, colours, orders, { frame, 
       c.arc(view.X(fold[0]), view.Y(fold[1]), 6, 0, 2 * Math.PI);
       c.stroke();
     }
-    drawMarks(view, marks.filter((mark) => mark.axis === model.quantities[i]), colours);
+    drawMarks(view, marks, names, colours);
     if (now !== null) view.dot(valueAt(curves.full, i, now), valueAt(curves.full, j, now), colours.ink);
   });
 }
 
-// Upright lines with a name each, at values of the quantity across.
-function drawMarks(view, marks, colours) {
+// Lines with a name each, upright at values of the quantity across and level at values of the one up.
+function drawMarks(view, marks, names, colours) {
+  const [x0, x1, y0, y1] = view.box;
   for (const mark of marks) {
-    view.curve([mark.at, mark.at], [view.box[2], view.box[3]], colours.accent, 1.5, [6, 4]);
-    view.word(mark.name, view.X(mark.at) - 8 - view.context.measureText(mark.name).width, MARGIN.top + 10, colours.accent);
+    if (mark.axis === names[0]) {
+      view.curve([mark.at, mark.at], [y0, y1], colours.accent, 1.5, [6, 4]);
+      view.word(mark.name, view.X(mark.at) - 8 - view.context.measureText(mark.name).width, MARGIN.top + 10, colours.accent);
+    } else if (mark.axis === names[1]) {
+      view.curve([x0, x1], [mark.at, mark.at], colours.accent, 1.5, [6, 4]);
+      view.word(mark.name, MARGIN.left + 8, view.Y(mark.at) - 8, colours.accent);
+    }
   }
 }
 
