@@ -22,6 +22,7 @@ from gsp.results.drawn import Drawn
 from gsp.results.table import names_of
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
+from gsp.scenes.slow_time import divided, divides, in_slow_time, is_in_fast_time
 from gsp.systems.arguments import check_each, check_flag, check_noun, shown
 from gsp.systems.flow import Point, Values, check_epsilon, check_order, complete, read_only
 from gsp.systems.region import Interval, check_region
@@ -214,7 +215,8 @@ def average(
 
     `phase` names the state that turns, theta' = omega(x)/epsilon + ..., or `pair` the two that turn about one another,
     as position and velocity of a weakly nonlinear oscillator do: in place of these come amplitude and phase. With both,
-    the pair is taken in the frame of the phase, near whose rate it turns. A `Scene` that has a phase says it itself.
+    the pair is taken in the frame of the phase, near whose rate it turns. A `Scene` that has a phase says it itself. A
+    field in fast time, x' = epsilon f and theta' = omega, is first divided by epsilon.
     Where omega depends on the state, `region` bounds it, {name: (low, high)}, and omega must be nowhere 0 over it.
 
     The rates are polynomials in sine and cosine of the phase, with coefficients of any kind in the slow variables.
@@ -247,6 +249,14 @@ def average(
         )
     if turns is not None and two is not None and turns in two:
         raise DeclarationError(f"{turns} is the phase and one of the pair.", "Name three different states.")
+    small = system.epsilon
+    if isinstance(system, VectorField) and small is not None and is_in_fast_time(system):
+        faster = divided(system)
+        # Else what moves beside the phase is as fast as the phase.
+        if not any(
+            divides(faster.equations[z], small) for z in faster.states if z not in (turns, *(two or ()))
+        ):
+            system, scene = faster, None if scene is None else in_slow_time(scene)
     bounds = (
         {}
         if isinstance(bounds, Mapping) and not bounds

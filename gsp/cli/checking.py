@@ -53,12 +53,14 @@ def check(
     study = study_of(scene)
     if prove_cycle or prove_passage:
         found = _cycle(study) if prove_cycle else _passage(study)
-        _tell_up_to(scene, found, output, as_json)
+        _tell_up_to(study.scene, found, output, as_json)
     if prove:
         from gsp.slow_tubes.certify import certify
 
         with progress_bar("boxes") as advance:
-            certificate = certify(study.branch, region=study.region, epsilon=scene.epsilon, progress=advance)
+            certificate = certify(
+                study.branch, region=study.region, epsilon=study.scene.epsilon, progress=advance
+            )
             if output is not None and certificate.verdict.name == "PROVED":
                 certificate.save(output)
         if as_json:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gsp.cli.asking import asks, json_option, orders_through, output_option
+from gsp.cli.asking import asks, json_option, orders_through, output_option, tell_variables
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, tell, wrote
 from gsp.errors import DeclarationError, GspError
@@ -90,6 +90,7 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
     """Find the cheapest model that meets the tolerance of MODEL: a reduced flow or the full system."""
     from gsp.choice.choice import choose as choose_model
 
+    tell_variables(scene)
     asked, found, fast = scene, None, False
     if not scene.has_small:
         from gsp.reductions.reductions import find_reductions

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gsp.cli.asking import asks, json_option, orders_through, output_option
+from gsp.cli.asking import asks, json_option, orders_through, output_option, tell_variables
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, wrote
 from gsp.errors import DeclarationError, GspError
@@ -46,12 +46,13 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
         else:
             from gsp.scenes.study import study_of
 
+            tell_variables(scene)
             study = study_of(scene)
             found = trajectory_of(
                 study.reduced(order),
                 start=study.base_point(order),
-                span=scene.span,
-                epsilon=scene.epsilon,
+                span=study.scene.span,
+                epsilon=study.scene.epsilon,
                 rtol=RTOL,
                 atol=atol,
                 options=RunOptions(progress=show),
@@ -75,6 +76,7 @@ def compare(scene: Scene, order: int | None, output: Path | None, as_json: bool)
     from gsp.comparison.comparison import compare as compare_flows
     from gsp.nested.nesting import nest
 
+    tell_variables(scene)
     orders = orders_through(1 if scene.second and order is None else order)
     target = nest(scene, order=orders["orders"][-1] + 1) if scene.second else scene
     with progress_bar("runs") as show:

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gsp.cli.asking import OPTIONS, asks, json_option, load_scene, output_option, scene_with_options, taken
+from gsp.cli.asking import (
+    OPTIONS,
+    asks,
+    json_option,
+    load_scene,
+    output_option,
+    scene_with_options,
+    taken,
+    tell_variables,
+)
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, tell, wrote
 from gsp.errors import DeclarationError, GspError
@@ -199,6 +208,7 @@ def _list_demos(with_story: tuple[str, ...], as_json: bool) -> None:
 @click.option("--seconds", default=5.0, show_default=True, help="How long the picture moves.")
 def animate(scene: Scene, output: Path | None, view: str | None, seconds: float) -> None:
     """Write a moving picture of MODEL for slides: its path, a view, or its run past the critical manifold."""
+    tell_variables(scene)
     from gsp.demos.animation import animate as make_animation
 
     target = output or Path(f"gsp-{scene.name or 'scene'}.gif")

@@ -239,7 +239,7 @@ class Page(Setting):
         new = {s: e for s, e in splitting.coordinates.items() if s != e}
         system = self.system
         return {
-            "rescaled": splitting.rescaled,
+            "given": self.analysis.study.given,
             "scaling": splitting.scaling,
             "switches": [
                 (self._equal(s.fast, s.surface / s.epsilon), "" if s.state is None else self._equal(s.state, s.value))

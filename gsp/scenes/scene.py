@@ -48,17 +48,17 @@ class Scene(Question, Card):
     are empty, and its `region` may be. `take_small` and `take_fast` make a scene of it that has one.
 
     `region` bounds states by name, {name: (low, high)}; bounds on fast variables select a sheet of the critical
-    manifold. `start` gives every state a value, `span` = (t0, t1) is in slow time, `epsilon` is the value asked
-    about, `epsilons` the ladder for convergence studies (kept in descending order; `epsilon` times 2, 1, 1/2 and 1/4
-    unless given), `tolerance` the relative accuracy wanted. `reconstruction` maps further symbols to rates that are
-    driven by the states and by each other, as position is by velocity: no state depends on them, so they are left out
-    of the reduction; they start at 0 unless `start` or `reconstruction_start` says otherwise. `path` names two
-    quantities (states, observables or reconstruction variables) that draw a path in the plane. `starts` are further
-    starts by name, each what differs from `start`; `starting(name)` asks from there. `units` are text for names of
-    states, parameters, observables and t, which is shown and not computed with. `views` are what its author wants to
-    see, `gsp.scenes.view.View` by name: the report draws each, and a demo begins with the first of two states. `second`
-    names a parameter that is small too, after epsilon: `nest` takes both, everything else its value. `contacts` have
-    dry friction, and say whether no-slip holds.
+    manifold. `start` gives every state a value, `span` = (t0, t1) is in slow time, for a field in the time of its
+    equations; `epsilon` is the value asked about, `epsilons` the ladder for convergence studies (kept in descending
+    order; `epsilon` times 2, 1, 1/2 and 1/4 unless given), `tolerance` the relative accuracy wanted. `reconstruction`
+    maps further symbols to rates that are driven by the states and by each other, as position is by velocity: no state
+    depends on them, so they are left out of the reduction; they start at 0 unless `start` or `reconstruction_start`
+    says otherwise. `path` names two quantities (states, observables or reconstruction variables) that draw a path in
+    the plane. `starts` are further starts by name, each what differs from `start`; `starting(name)` asks from there.
+    `units` are text for names of states, parameters, observables and t, which is shown and not computed with. `views`
+    are what its author wants to see, `gsp.scenes.view.View` by name: the report draws each, and a demo begins with the
+    first of two states. `second` names a parameter that is small too, after epsilon: `nest` takes both, everything else
+    its value. `contacts` have dry friction, and say whether no-slip holds.
     `ramps` are `gsp.scenes.ramp_question.RampQuestion` by name: how parameters move, and near which edge state.
     `phase` says which states turn fast, `gsp.FastPhase`: what moves slowly is averaged over it.
 
@@ -127,9 +127,7 @@ class Scene(Question, Card):
         self._set("reconstruction", MappingProxyType(drivers))
         self._set("start", MappingProxyType(start))
         self._set("reconstruction_start", MappingProxyType(driven))
-        self._set(
-            "span", check_interval(self.span, what="span", remedy="Give (t0, t1) with t0 < t1, in slow time.")
-        )
+        self._set("span", check_interval(self.span, what="span", remedy="Give (t0, t1) with t0 < t1."))
         self._set("epsilons", self._checked_epsilons())
         self._set("tolerance", _tolerance(self.tolerance))
         if drivers:
@@ -210,11 +208,12 @@ class Scene(Question, Card):
 
     def __str__(self) -> str:
         ladder = ", ".join(f"{value:g}" for value in self.epsilons)
+        slow = " in slow time" if isinstance(self.system, SlowFastSystem) else ""
         rows = [
             *([("region", shown_region(self.region))] if self.region else []),
             ("start", self._shown(self.full_start)),
             *((f"start {name}", self._shown(start)) for name, start in self.starts.items()),
-            ("span", f"{self.span[0]:g} to {self.span[1]:g}{' in slow time' if self.has_small else ''}"),
+            ("span", f"{self.span[0]:g} to {self.span[1]:g}{slow}"),
             *([("epsilon", f"{self.epsilon:g}; ladder {ladder}")] if self.has_small else []),
             ("tolerance", f"{self.tolerance:g}"),
             *((f"{symbol}'", str(rate)) for symbol, rate in self.reconstruction.items()),

@@ -6,18 +6,17 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.elimination_over_rationals import generic_point, independent_rows, numbers_at
-from gsp.algebra.laurent import laurent, misplaced_epsilon, pole_order
+from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError, SplittingError
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.scenes.scene import LADDER, TIME, Scene
-from gsp.scenes.view import View
+from gsp.scenes.scene import LADDER, Scene
+from gsp.scenes.slow_time import divides, explain_slow_time, told_in_slow_time
 from gsp.systems.arguments import check_each, check_noun, check_text, shown
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval
@@ -70,8 +69,8 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
             "Name another parameter.",
             value=name,
         )
-    has_pole = any(_divides(rate, symbol) for rate in system.rates)
-    changes = {} if has_pole else _in_slow_time(plain, symbol, value)
+    has_pole = any(divides(rate, symbol) for rate in system.rates)
+    changes = {} if has_pole else told_in_slow_time(plain, symbol, value)
     rates = {state: rate / symbol if changes else rate for state, rate in zip(system.states, system.rates)}
     field = VectorField(
         rates,
@@ -80,7 +79,7 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
         name=system.name,
         observables=system.observables,
     )
-    fast = [state for state, rate in rates.items() if _divides(rate, symbol)]
+    fast = [state for state, rate in rates.items() if divides(rate, symbol)]
     # Of fast states that are not so by themselves slow coordinates are made, which need their bounds.
     unbounded = [state.name for state in fast] if are_fast_by_themselves(rates, symbol, fast) else []
     return replace(
@@ -173,7 +172,7 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
     system, epsilon = scene.system, scene.system.epsilon
     assert epsilon is not None
     rates = dict(zip(system.states, system.rates))
-    fast = [z.name for z, rate in rates.items() if _divides(rate, epsilon)]
+    fast = [z.name for z, rate in rates.items() if divides(rate, epsilon)]
     if isinstance(system, SlowFastSystem):
         said = [
             f"fast variables: {', '.join(fast)}; their rates are divided by {epsilon}, which is 1 for the model itself"
@@ -183,14 +182,11 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
         said = [f"small parameter: {epsilon} = {scene.epsilon:g}, which divides the rates of {', '.join(fast)}"]
         parameters = {s: v for s, v in system.parameters.items() if s != epsilon}
         if scene.span != before.span:
-            said.append(
-                f"no rate has a pole in {epsilon}, so the time of the model is the fast one: rates are divided by "
-                f"{epsilon}, and the span {before.span[1]:g} becomes {scene.span[1]:g}"
-            )
+            said.append(explain_slow_time(scene, before))
         others = [z.name for z, rate in rates.items() if z.name not in fast and rate.has(epsilon)]
         if others:
             said.append(f"{epsilon} stands in the rates of {', '.join(others)} too, and is as small there")
-    left = {p: [z.name for z, rate in rates.items() if _divides(rate, p)] for p in parameters}
+    left = {p: [z.name for z, rate in rates.items() if divides(rate, p)] for p in parameters}
     said += [
         f"left as it is: {p} = {parameters[p]}, which divides the rate of {', '.join(where)}"
         for p, where in left.items()
@@ -218,36 +214,6 @@ def unused_epsilon(flow: VectorField) -> sp.Symbol:
     taken = {s.name for s in (*flow.states, *flow.parameters, *flow.observables)}
     words = ("epsilon", *(f"epsilon_{k}" for k in range(1, len(taken) + 1)))
     return sp.Symbol(next(word for word in words if word not in taken))
-
-
-def _divides(rate: sp.Expr, symbol: sp.Symbol) -> bool:
-    """Whether the rate has a pole in the symbol; one inside a function or a root divides nothing."""
-    return misplaced_epsilon(rate, symbol) is None and pole_order(rate, symbol) > 0
-
-
-def _in_slow_time(scene: Scene, symbol: sp.Symbol, value: float) -> dict[str, Any]:
-    """What of a scene is told in its time, besides its field, with t*symbol in place of t."""
-
-    def slower(view: View) -> View:
-        is_time = {name: name == TIME and TIME not in scene.start for name in view.ranges}
-        scaled = {
-            name: (low * value, high * value) if is_time[name] else (low, high)
-            for name, (low, high) in view.ranges.items()
-        }
-        return replace(view, ranges=scaled)
-
-    def divided(rates: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
-        return {state: rate / symbol for state, rate in rates.items()}
-
-    return {
-        "span": (scene.span[0] * value, scene.span[1] * value),
-        "reconstruction": divided(scene.reconstruction),
-        "claims": {name: divided(rates) for name, rates in scene.claims.items()},
-        "units": {name: unit for name, unit in scene.units.items() if name != TIME},
-        "views": {name: slower(view) for name, view in scene.views.items()},
-        "ramps": {},
-        "phase": None,
-    }
 
 
 def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:

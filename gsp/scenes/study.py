@@ -31,6 +31,7 @@ from gsp.results.card import Card
 from gsp.scenes.raw_states import RawStates
 from gsp.scenes.scaled import take_scaling
 from gsp.scenes.scene import Scene
+from gsp.scenes.slow_time import in_slow_time, is_in_fast_time
 from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.switched import in_fast_variables
 from gsp.slow.expansion import Expansion
@@ -85,6 +86,7 @@ class Study(Card):
     branch passes, `DeclarationError` when the region does not bound every raw state that a slow coordinate is made of.
     A scene whose field has switches phi(s/epsilon) is kept in the variables in which they are fast, and `switches` says
     which these are. One whose field has a pole of higher order is kept in scaled variables, and `scaling` says which.
+    One whose field has no pole is in fast time: it is kept in slow time, and `given` is the scene as it was.
     `measured` are errors of its reduced flows by order, where they were measured against a full run from the start.
 
     >>> from gsp import models, study
@@ -96,6 +98,7 @@ class Study(Card):
     scene: Scene
     switches: tuple[Switch, ...] = ()
     scaling: Scaling | None = None
+    given: Scene | None = None
     measured: Mapping[int, float] = field(default_factory=dict)
     _kept: _Kept = field(default_factory=_Kept)
 
@@ -355,6 +358,8 @@ def study_of(scene: Scene | Study, *, verb: str = "study") -> Study:
         scaling = split(scene.system).scaling
         assert scaling is not None
         return Study(take_scaling(scene, scaling=scaling), scaling=scaling)
+    if is_in_fast_time(scene.system):
+        return Study(in_slow_time(scene), given=scene)
     return Study(scene)
 
 

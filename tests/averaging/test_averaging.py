@@ -359,3 +359,20 @@ def test_a_wrong_table_is_refused_by_name(tmp_path: Path, table: str, words: str
     with pytest.raises(GspError, match=r"phase|pair") as caught:
         gsp.load(path)
     assert words in str(caught.value)
+
+
+def test_a_field_in_fast_time_is_divided_by_epsilon() -> None:
+    """The form of most books: x' = epsilon f, theta' = omega."""
+    fast = gsp.VectorField({state: epsilon * rate for state, rate in PULLED.equations.items()}, epsilon=epsilon)
+    found, expected = (
+        gsp.average(each, phase=theta, order=2, region={"x": (-1, 1)}).averaged_field for each in (fast, PULLED)
+    )
+    assert found == expected
+    pair = gsp.VectorField({u: v, v: -u + epsilon * (1 - u**2) * v}, epsilon=epsilon)
+    assert gsp.average(pair, pair=(u, v)).averaged_field == gsp.average(VAN_DER_POL, pair=(u, v)).averaged_field
+    scene = gsp.Scene(
+        pair, {"u": (-3, 3)}, {"u": 1, "v": 0}, (0, 50), 0.1, phase=gsp.FastPhase(pair=("u", "v"))
+    )
+    found = gsp.average(scene)
+    assert found.scene is not None
+    assert found.scene.span == (0.0, 5.0)

@@ -1,0 +1,83 @@
+"""A scene whose field is given in fast time, in slow time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import sympy as sp
+
+from gsp.algebra.laurent import misplaced_epsilon, pole_order
+from gsp.scenes.scene import TIME, Scene
+from gsp.scenes.view import View
+from gsp.systems.system import SlowFastSystem, VectorField
+
+
+def is_in_fast_time(system: SlowFastSystem | VectorField) -> bool:
+    """Whether it is a field in whose rates the small parameter stands, and none of them has a pole in it."""
+    epsilon = system.epsilon
+    return (
+        isinstance(system, VectorField)
+        and epsilon is not None
+        and any(rate.has(epsilon) for rate in system.rates)
+        and all(misplaced_epsilon(rate, epsilon) is None for rate in system.rates)
+        and not any(divides(rate, epsilon) for rate in system.rates)
+    )
+
+
+def in_slow_time(scene: Scene) -> Scene:
+    """A scene in fast time with every rate divided by epsilon and the span multiplied by it, at the scene's value."""
+    system = scene.system
+    assert isinstance(system, VectorField)
+    assert system.epsilon is not None
+    changes = told_in_slow_time(scene, system.epsilon, scene.epsilon) | {"phase": scene.phase}
+    return replace(scene, system=divided(system), **changes)
+
+
+def divided(field: VectorField) -> VectorField:
+    """The field with every rate divided by epsilon, term by term."""
+    rates = {
+        state: sp.Add(*(term / field.epsilon for term in sp.Add.make_args(rate)))
+        for state, rate in field.equations.items()
+    }
+    return field.as_field(rates)
+
+
+def explain_slow_time(scene: Scene, before: Scene) -> str:
+    """What was made of the scene `before`, which was in fast time."""
+    epsilon = scene.system.epsilon
+    return (
+        f"no rate has a pole in {epsilon}, so the time of the model is the fast one: rates are divided by "
+        f"{epsilon}, and the span {before.span[1]:g} becomes {scene.span[1]:g}"
+    )
+
+
+def divides(rate: sp.Expr, symbol: sp.Symbol) -> bool:
+    """Whether the rate has a pole in the symbol; one inside a function or a root divides nothing."""
+    return misplaced_epsilon(rate, symbol) is None and pole_order(rate, symbol) > 0
+
+
+def told_in_slow_time(scene: Scene, symbol: sp.Symbol, value: float) -> dict[str, Any]:
+    """What of a scene is told in its time, besides its field, with t*symbol in place of t."""
+
+    def slower(view: View) -> View:
+        is_time = {name: name == TIME and TIME not in scene.start for name in view.ranges}
+        scaled = {
+            name: (low * value, high * value) if is_time[name] else (low, high)
+            for name, (low, high) in view.ranges.items()
+        }
+        return replace(view, ranges=scaled)
+
+    def each(rates: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
+        return {state: rate / symbol for state, rate in rates.items()}
+
+    return {
+        "span": (scene.span[0] * value, scene.span[1] * value),
+        "reconstruction": each(scene.reconstruction),
+        "claims": {name: each(rates) for name, rates in scene.claims.items()},
+        "units": {name: unit for name, unit in scene.units.items() if name != TIME},
+        "views": {name: slower(view) for name, view in scene.views.items()},
+        "ramps": {},
+        "phase": None,
+    }

@@ -1,0 +1,113 @@
+"""A scene in fast time: whatever reduces it works with the same scene in slow time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import sympy as sp
+from click.testing import CliRunner
+
+import gsp
+from gsp.cli import cli
+from gsp.scenes.scene import Scene
+from gsp.scenes.slow_time import in_slow_time, is_in_fast_time
+from gsp.scenes.study import study_of
+from gsp.scenes.view import View
+from gsp.systems.system import SlowFastSystem, VectorField
+
+x, y, z, k, eps = sp.symbols("x y z k epsilon")
+EPSILON, SPAN = 0.02, 40.0
+FILE = """
+[states]
+x = "-epsilon*x*y"
+y = "x - y"
+[region]
+x = [0.1, 2]
+y = [0, 2]
+[start]
+x = 1
+y = 0.5
+[scene]
+span = [0, 40]
+epsilon = 0.02
+tolerance = 1e-3
+"""
+
+
+def scene(rates, span: float, **others) -> Scene:
+    field = VectorField(rates, epsilon=eps, parameters={k: 2})
+    return Scene(
+        field, {"x": (0.1, 2), "y": (0, 2)}, {"x": 1, "y": 0.5}, (0.0, span), EPSILON, tolerance=1e-3, **others
+    )
+
+
+def fast(**others) -> Scene:
+    return scene({x: -eps * k * x * y, y: x - y + eps * x}, SPAN, **others)
+
+
+def test_it_is_the_scene_that_one_would_write_in_slow_time() -> None:
+    given = fast(
+        reconstruction={z: eps * x},
+        claims={"limit": {x: -eps * k * x**2}},
+        views={"run": View("t", "x", ranges={"t": (0.0, SPAN)})},
+        units={"x": "m", "t": "s"},
+    )
+    expected = scene(
+        {x: -k * x * y, y: x / eps - y / eps + x},
+        EPSILON * SPAN,
+        reconstruction={z: x},
+        claims={"limit": {x: -k * x**2}},
+        views={"run": View("t", "x", ranges={"t": (0.0, EPSILON * SPAN)})},
+        units={"x": "m"},
+    )
+    assert is_in_fast_time(given.system)
+    assert in_slow_time(given) == expected
+    study = study_of(given)
+    assert (study.scene, study.given) == (expected, given)
+    assert not is_in_fast_time(expected.system)
+    assert study_of(expected).given is None
+
+
+def test_a_scene_without_a_pole_to_take_is_left_as_it_is() -> None:
+    standard = Scene(
+        SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=eps), {"x": (0, 2)}, {"x": 1, "y": 0}, (0, 1), 0.1
+    )
+    assert not is_in_fast_time(standard.system)
+    # A switch is fast by itself.
+    assert not is_in_fast_time(scene({x: -k * x, y: 1 - sp.tanh(y / eps)}, 1.0).system)
+    plain = replace(
+        standard, system=VectorField({x: -k * x, y: x - y}, parameters={k: 2}), epsilon=None, epsilons=None
+    )
+    assert not is_in_fast_time(plain.system)
+
+
+def test_reduced_and_full_runs_end_at_the_same_place() -> None:
+    """Over the span in its own time x moves by a half; in slow time, over so long a span, all of it was gone."""
+    given = fast()
+    full = gsp.integrate(
+        given.system, start=given.start, span=given.span, epsilon=EPSILON, rtol=1e-10, atol=1e-12
+    )
+    assert 0.2 < full["x"][-1] < 0.6
+    choice = gsp.choose(given)
+    assert choice.scene.span[1] == pytest.approx(EPSILON * SPAN)
+    assert gsp.simulate(given, choice=choice)["x"][-1] == pytest.approx(full["x"][-1], rel=given.tolerance)
+    other = replace(given, tolerance=1e-4)
+    assert gsp.simulate(other)["x"][-1] == pytest.approx(full["x"][-1], rel=1e-4)
+
+
+def test_the_command_line_says_so_and_has_one_answer(tmp_path) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(FILE, encoding="utf-8")
+    ends = []
+    for options in ([], ["--order", "2"]):
+        target = tmp_path / f"run{len(options)}.csv"
+        done = CliRunner().invoke(cli, ["run", str(file), *options, "-o", str(target)])
+        assert done.exit_code == 0, done.output
+        assert ("the span 40 becomes 0.8" in done.output) == bool(options)
+        (head, *_, last) = target.read_text(encoding="utf-8").splitlines()
+        ends.append(float(dict(zip(head.split(","), last.split(",")))["x"]))
+    assert ends[1] == pytest.approx(ends[0], rel=1e-3)
+    done = CliRunner().invoke(cli, ["choose", str(file)])
+    assert "the span 40 becomes 0.8" in done.output
+    assert "over t = 0 to 0.8 " in done.output
