@@ -103,14 +103,14 @@ def asks(*names: str, by_two: bool = False, looks: bool = False, tells: bool = F
 
 def tell_variables(scene: Scene) -> None:
     """Say in which variables and in which time a scene goes through that is not in slow time with a simple pole."""
-    from gsp.scenes.slow_time import explain_slow_time, in_slow_time, is_in_fast_time
+    from gsp.scenes.slow_time import explain_slow_time, has_slow_time, in_slow_time
     from gsp.splitting.splitting import has_higher_pole, split
     from gsp.systems.system import VectorField
 
     if isinstance(scene.system, VectorField) and has_higher_pole(scene.system):
         mu, scaling = scene.system.epsilon, split(scene.system).scaling
         tell_notes([f"the pole in {mu} is of higher order, and simple in scaled variables: {scaling}"])
-    elif is_in_fast_time(scene.system):
+    elif has_slow_time(scene.system):
         tell_notes([explain_slow_time(in_slow_time(scene), scene)])
 
 

@@ -167,6 +167,7 @@ def demo(
         return
     scene = taken(scene_with_options(load_scene(model), settings, None, ()), small, fast)
     scene = scene_with_options(scene, (), epsilon, ())
+    tell_variables(scene)
     target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
     if not target.absolute().parent.is_dir():
         raise GspError(f"there is no folder {target.absolute().parent}.", "Make it, or give another path.")

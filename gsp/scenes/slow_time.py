@@ -9,8 +9,10 @@ from typing import Any
 import sympy as sp
 
 from gsp.algebra.laurent import misplaced_epsilon, pole_order
+from gsp.errors import SplittingError
 from gsp.scenes.scene import TIME, Scene
 from gsp.scenes.view import View
+from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
 
 
@@ -24,6 +26,17 @@ def is_in_fast_time(system: SlowFastSystem | VectorField) -> bool:
         and all(misplaced_epsilon(rate, epsilon) is None for rate in system.rates)
         and not any(divides(rate, epsilon) for rate in system.rates)
     )
+
+
+def has_slow_time(system: SlowFastSystem | VectorField) -> bool:
+    """Whether it is a field in fast time that has slow and fast variables; else its time is its own."""
+    if not (isinstance(system, VectorField) and is_in_fast_time(system)):
+        return False
+    try:
+        split(system)
+    except SplittingError:
+        return False
+    return True
 
 
 def in_slow_time(scene: Scene) -> Scene:

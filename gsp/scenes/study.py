@@ -18,9 +18,13 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import CriticalManifold, solve_critical
+from gsp.critical.sheet_points import place
+from gsp.critical.sheet_roots import fast_bounds, within
 from gsp.errors import BudgetError, DeclarationError, SplittingError
 from gsp.fibres.base_points import BasePoint, base_point_of
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
+from gsp.fibres.layer_end import end_of_layer
+from gsp.fibres.layer_flow import LayerFlow
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
@@ -31,7 +35,7 @@ from gsp.results.card import Card
 from gsp.scenes.raw_states import RawStates
 from gsp.scenes.scaled import take_scaling
 from gsp.scenes.scene import Scene
-from gsp.scenes.slow_time import in_slow_time, is_in_fast_time
+from gsp.scenes.slow_time import has_slow_time, in_slow_time
 from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.switched import in_fast_variables
 from gsp.slow.expansion import Expansion
@@ -134,8 +138,33 @@ class Study(Card):
 
     @property
     def branch(self) -> Branch:
-        """The branch nearest to the start within the region's bounds on fast variables, its sheet fixed."""
-        return self._once(("branch",), lambda: self.critical.nearest(self.start, region=self.region))
+        """The branch nearest to the start within the region's bounds on fast variables, its sheet fixed.
+
+        Where that does not attract, and the start lies off it, it is the one on which the layer from the start settles.
+        """
+        return self._once(("branch",), self._branch)
+
+    def _branch(self) -> Branch:
+        nearest = self.critical.nearest(self.start, region=self.region)
+        x, y = place(self.system, self.start)
+        point = nearest.points(x[None, :])
+        layer = LayerFlow.within(self.system, x, y, point[0])
+        spectrum = np.linalg.eigvals(layer.jacobian(point / layer.units)[0])
+        # Within epsilon of a sheet, the ladder's largest, a start is on its slow manifold to leading order.
+        if (
+            not (spectrum.real > 0.0).any()
+            or np.abs((y - point[0]) / layer.units).max() <= self.scene.epsilons[0]
+        ):
+            return nearest
+        end = end_of_layer(layer, y)
+        bounds = fast_bounds(self.system, self.region)
+        if (
+            end is None
+            or within(point, self.system.y, bounds)[0] > within(end[None, :], self.system.y, bounds)[0]
+        ):
+            return nearest
+        settled = {**self.start, **{s.name: float(v) for s, v in zip(self.system.y, end)}}
+        return self.critical.nearest(settled, region=self.region)
 
     @property
     def hyperbolicity(self) -> Hyperbolicity:
@@ -358,7 +387,7 @@ def study_of(scene: Scene | Study, *, verb: str = "study") -> Study:
         scaling = split(scene.system).scaling
         assert scaling is not None
         return Study(take_scaling(scene, scaling=scaling), scaling=scaling)
-    if is_in_fast_time(scene.system):
+    if has_slow_time(scene.system):
         return Study(in_slow_time(scene), given=scene)
     return Study(scene)
 
@@ -386,6 +415,13 @@ def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> Mappin
             (expression,), arguments=tuple(used), parameters=tuple(scene.system.parameters)
         )
         values = function(points, compile_flow(scene.system).constants)
+        if not np.isfinite(values).all():
+            at = points[int(np.argmin(np.isfinite(values.reshape(len(points)))))]
+            raise DeclarationError(
+                f"the slow coordinate {symbol} = {expression} has no finite value in a place of the region.",
+                "Leave that place out of the region.",
+                got=", ".join(f"{z.name} = {value:g}" for z, value in zip(used, at)),
+            )
         ends = [float(values.min()), float(values.max())]
         if linear:
             # Exactly, so that decimals stay decimals: 2.28 and not 2.2800000000000002.

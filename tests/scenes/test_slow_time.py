@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import gsp
 from gsp.cli import cli
 from gsp.scenes.scene import Scene
-from gsp.scenes.slow_time import in_slow_time, is_in_fast_time
+from gsp.scenes.slow_time import has_slow_time, in_slow_time, is_in_fast_time
 from gsp.scenes.study import study_of
 from gsp.scenes.view import View
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -80,6 +80,10 @@ def test_a_scene_without_a_pole_to_take_is_left_as_it_is() -> None:
         standard, system=VectorField({x: -k * x, y: x - y}, parameters={k: 2}), epsilon=None, epsilons=None
     )
     assert not is_in_fast_time(plain.system)
+    # What turns at both epsilons has no slow variable, and keeps its time.
+    turning = VectorField({x: (1 + eps) * y, y: -(1 + eps) * x}, epsilon=eps)
+    assert is_in_fast_time(turning)
+    assert not has_slow_time(turning)
 
 
 def test_reduced_and_full_runs_end_at_the_same_place() -> None:

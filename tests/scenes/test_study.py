@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from types import ModuleType
 
+import numpy as np
 import pytest
 import sympy as sp
 from click.testing import CliRunner
@@ -21,7 +22,7 @@ from gsp.fibres.inner_expansion import expand_inner
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.integration.restriction import restrict
 from gsp.scenes.scene import Scene
-from gsp.scenes.study import study_of
+from gsp.scenes.study import Study, study_of
 from gsp.slow.expansion import Expansion
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -237,3 +238,51 @@ def test_a_study_tells_what_it_knows() -> None:
 def test_what_is_no_scene_is_refused() -> None:
     with pytest.raises(DeclarationError, match=r"study takes a Scene\. Got"):
         gsp.study(models.load("michaelis_menten").system)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_start_off_a_sheet_that_repels_is_reduced_to_the_sheet_where_its_layer_settles() -> None:
+    """y' = y - y^3 + x/10 from y = 0.15: y = 0 is nearest and repels, and the run goes to y = 1."""
+    system = SlowFastSystem(slow={x: -x + y / 2}, fast={y: y - y**3 + x / 10}, epsilon=eps)
+
+    def asked(**others) -> Study:
+        given = {"region": {"x": (-1, 1), "y": (-1.5, 1.5)}, "start": {"x": 0.1, "y": 0.15}, **others}
+        return study_of(Scene(system, span=(0, 3), epsilon=0.01, tolerance=1e-3, **given))
+
+    settled = asked()
+    assert settled.branch.points(np.array([[0.1]]))[0, 0] == pytest.approx(1.005, abs=1e-3)
+    full = settled.full(0.01)
+    assert gsp.simulate(settled)["x"][-1] == pytest.approx(full["x"][-1], rel=1e-3)
+    # Whoever bounds the fast variable, or starts on the sheet, means the sheet that repels.
+    bounded = asked(region={"x": (-1, 1), "y": (-0.5, 0.5)})
+    on_it = asked(start={"x": 0.1, "y": -0.01})
+    for study in (bounded, on_it):
+        assert abs(study.branch.points(np.array([[0.1]]))[0, 0]) < 0.1
+
+
+def test_a_start_off_a_saddle_settles_where_its_layer_does() -> None:
+    """Hindmarsh and Rose, between the saddle and the sheet at rest, which is further away in the states' sizes."""
+    u, v, z = sp.symbols("u v z")
+    bursting = VectorField(
+        {
+            u: v - u**3 + 3 * u**2 - z + sp.Rational(13, 10),
+            v: 1 - 5 * u**2 - v,
+            z: eps * (4 * (u + sp.Rational(8, 5)) - z),
+        },
+        epsilon=eps,
+    )
+    region = {"u": (-2, -0.5), "v": (-20, 0), "z": (0.5, 2)}
+    study = study_of(Scene(bursting, region, {"u": -1.2, "v": -6.2, "z": 1.4}, (0, 500), 1e-3, tolerance=1e-3))
+    (point,) = study.branch.points(np.array([[1.4]]))
+    root = min(np.roots([1, 2, 0, -0.9]).real)
+    assert dict(zip(map(str, study.system.y), point)) == pytest.approx({"u": root, "v": 1 - 5 * root**2})
+    # The run comes to the fold at z = 1.115 and leaves it.
+    assert gsp.choose(study).partial.order is not None
+
+
+def test_a_slow_coordinate_that_is_infinite_in_the_region_is_named() -> None:
+    """An epidemic's S + I - log(S)/3, where the region holds S = 0."""
+    s, i = sp.symbols("S I")
+    epidemic = VectorField({s: (1 - s) - 3 * s * i / eps, i: 3 * s * i / eps - i / eps - i}, epsilon=eps)
+    given = Scene(epidemic, {"S": (0, 1), "I": (0, 1)}, {"S": 0.9, "I": 0.05}, (0, 1), 0.01)
+    with pytest.raises(DeclarationError, match="no finite value in a place of the region. Got S = 0, I = 0"):
+        _ = study_of(given).region

@@ -8,6 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from gsp.fibres.layer_end import attractor_at
 from gsp.fibres.layer_flow import LayerFlow
 from gsp.integration.trajectory import trajectory_of
 from gsp.systems.region import Interval
@@ -92,8 +93,8 @@ def drop_from(
         # Beyond this distance, in the layer's units, the drop counts as having no end.
         if not run.status.ok or np.linalg.norm(here - y) > 1e8:
             return result(DropKind.ESCAPE, here)
-        landed = _equilibrium(layer, here, y)
-        if landed is not None:
+        landed = attractor_at(layer, here)
+        if landed is not None and np.linalg.norm(landed - y) > 10.0 * BEGINNING:
             return result(DropKind.SHEET, landed)
         span *= 2.0
     return result(DropKind.UNSETTLED, here)
@@ -109,23 +110,3 @@ def _leaving(y: np.ndarray, names: list[str], region: Mapping[str, Interval] | N
             low, high = region[name]
             outside |= (y[i] < low) | (y[i] > high)
     return int(np.argmax(outside)) if outside.any() else None
-
-
-def _equilibrium(layer: LayerFlow, here: np.ndarray, fold: np.ndarray) -> np.ndarray | None:
-    """The attracting equilibrium at `here`, by Newton's method; None when it has not been reached."""
-    y = here.copy()
-    for _ in range(20):
-        g, g_y = layer.rates(y[None, :])[0], layer.jacobian(y[None, :])[0]
-        try:
-            step = np.linalg.solve(g_y, g)
-        except np.linalg.LinAlgError:
-            return None
-        y = y - step
-        if not np.isfinite(y).all():
-            return None
-        if np.linalg.norm(step) <= 1e-13 * (1.0 + np.linalg.norm(y)):
-            break
-    near = np.linalg.norm(y - here) <= 1e-4 * (1.0 + np.linalg.norm(y))
-    away = np.linalg.norm(y - fold) > 10.0 * BEGINNING
-    stable = np.linalg.eigvals(layer.jacobian(y[None, :])[0]).real.max() < 0.0
-    return y if near and away and stable else None
