@@ -284,5 +284,5 @@ def test_a_slow_coordinate_that_is_infinite_in_the_region_is_named() -> None:
     s, i = sp.symbols("S I")
     epidemic = VectorField({s: (1 - s) - 3 * s * i / eps, i: 3 * s * i / eps - i / eps - i}, epsilon=eps)
     given = Scene(epidemic, {"S": (0, 1), "I": (0, 1)}, {"S": 0.9, "I": 0.05}, (0, 1), 0.01)
-    with pytest.raises(DeclarationError, match="no finite value in a place of the region. Got S = 0, I = 0"):
+    with pytest.raises(DeclarationError, match=r"no finite value in a place of the region\. Got S = 0, I = 0"):
         _ = study_of(given).region
