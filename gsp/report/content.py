@@ -59,6 +59,7 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "epsilon": lambda: scene.epsilon,
         "tolerance": lambda: scene.tolerance,
         "span": lambda: list(scene.span),
+        "span_in_fast_time": lambda: None if analysis.study.given is None else list(analysis.study.given.span),
         "start": lambda: dict(scene.full_start),
         "base_point": lambda: None if analysis.base is None else dict(analysis.base),
         "region": lambda: {name: list(interval) for name, interval in scene.region.items()},

@@ -140,27 +140,25 @@ class Study(Card):
     def branch(self) -> Branch:
         """The branch nearest to the start within the region's bounds on fast variables, its sheet fixed.
 
-        Where that does not attract, and the start lies off it, it is the one on which the layer from the start settles.
+        Where the start lies off it, and its layer settles on another within these bounds, it is that one.
         """
         return self._once(("branch",), self._branch)
 
     def _branch(self) -> Branch:
         nearest = self.critical.nearest(self.start, region=self.region)
+        if nearest.is_explicit and len(self.critical.branches) == 1:
+            return nearest
         x, y = place(self.system, self.start)
-        point = nearest.points(x[None, :])
-        layer = LayerFlow.within(self.system, x, y, point[0])
-        spectrum = np.linalg.eigvals(layer.jacobian(point / layer.units)[0])
+        point = nearest.points(x[None, :])[0]
+        layer = LayerFlow.within(self.system, x, y, point)
         # Within epsilon of a sheet, the ladder's largest, a start is on its slow manifold to leading order.
-        if (
-            not (spectrum.real > 0.0).any()
-            or np.abs((y - point[0]) / layer.units).max() <= self.scene.epsilons[0]
-        ):
+        if np.abs((y - point) / layer.units).max() <= self.scene.epsilons[0]:
             return nearest
         end = end_of_layer(layer, y)
         bounds = fast_bounds(self.system, self.region)
         if (
             end is None
-            or within(point, self.system.y, bounds)[0] > within(end[None, :], self.system.y, bounds)[0]
+            or within(point[None, :], self.system.y, bounds)[0] > within(end[None, :], self.system.y, bounds)[0]
         ):
             return nearest
         settled = {**self.start, **{s.name: float(v) for s, v in zip(self.system.y, end)}}
@@ -306,12 +304,13 @@ class Study(Card):
         scene = self.scene
         if epsilon is None and tolerance is None:
             return self
-        scene_with_settings = replace(
-            scene,
-            epsilon=scene.epsilon if epsilon is None else epsilon,
-            tolerance=scene.tolerance if tolerance is None else tolerance,
-        )
-        return replace(self, scene=scene_with_settings, measured=self.measured if epsilon is None else {})
+        settings = {
+            "epsilon": scene.epsilon if epsilon is None else epsilon,
+            "tolerance": scene.tolerance if tolerance is None else tolerance,
+        }
+        given = None if self.given is None else replace(self.given, **settings)
+        asked = replace(scene, **settings) if given is None else in_slow_time(given)
+        return replace(self, scene=asked, given=given, measured=self.measured if epsilon is None else {})
 
     def __repr__(self) -> str:
         return f"Study({self.scene.name or self.scene.system.name or 'unnamed'}: {self._made()})"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -100,6 +102,13 @@ def test_reduced_and_full_runs_end_at_the_same_place() -> None:
     assert gsp.simulate(other)["x"][-1] == pytest.approx(full["x"][-1], rel=1e-4)
 
 
+def test_another_epsilon_is_asked_over_the_span_in_the_models_own_time() -> None:
+    study = study_of(fast())
+    assert study.asking(epsilon=0.01).scene.span == pytest.approx((0.0, 0.01 * SPAN))
+    assert study.asking(epsilon=0.01).scene == study_of(replace(fast(), epsilon=0.01)).scene
+    assert study.asking(tolerance=1e-4).scene.span == study.scene.span
+
+
 def test_the_command_line_says_so_and_has_one_answer(tmp_path) -> None:
     file = tmp_path / "model.toml"
     file.write_text(FILE, encoding="utf-8")
@@ -115,3 +124,11 @@ def test_the_command_line_says_so_and_has_one_answer(tmp_path) -> None:
     done = CliRunner().invoke(cli, ["choose", str(file)])
     assert "the span 40 becomes 0.8" in done.output
     assert "over t = 0 to 0.8 " in done.output
+
+
+def test_a_report_says_that_the_field_was_in_fast_time(tmp_path) -> None:
+    page = gsp.write_report(gsp.analyse(fast(), order=1), tmp_path, latex=True)
+    assert "the span 40 became 0.8" in re.sub(r"<[^>]+>", "", page.read_text(encoding="utf-8"))
+    assert "given in fast time, over a span of 40." in (tmp_path / "report.tex").read_text(encoding="utf-8")
+    content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert (content["span"], content["span_in_fast_time"]) == ([0.0, 0.8], [0.0, 40.0])
