@@ -96,13 +96,14 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
         from gsp.reductions.reductions import find_reductions
 
         found = find_reductions(scene, tolerance=tolerance)
-        if found.recommended is None:
+        taken = found.taken if found.recommended is not None or found.solved else None
+        if taken is None:
             if as_json:
                 print_json({"name": scene.name, **found.as_dict()})
             else:
                 tell(found)
             return
-        asked, fast = found.study or scene, found.recommended.counts_fast
+        asked, fast = found.study or scene, taken.counts_fast
     choice = choose_model(asked, tolerance=tolerance, fast=fast, **orders_through(order))
     if found is not None:
         tell(found.with_costs(choice), err=as_json)

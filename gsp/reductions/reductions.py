@@ -9,7 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gsp.algebra.laurent import misplaced_epsilon, pole_order
-from gsp.choice.candidates import GRID_POINTS, INTEGRATION, Candidate, Trial, full_candidate, run_model
+from gsp.choice.candidates import (
+    GRID_POINTS,
+    INTEGRATION,
+    Candidate,
+    ModelKind,
+    Trial,
+    full_candidate,
+    run_model,
+)
 from gsp.choice.choice import Choice, choose
 from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import LAYER_LEFT
@@ -54,7 +62,8 @@ class Reductions(Card):
 
     `recommended` is the cheapest within the scene's tolerance, None where none serves: do not reduce. `nearest` is the
     one of order 0 that is least in error, None where that is above a tenth: then nothing is separated, and nothing is
-    offered. `reason` says which, and why. `scales` are the time scales along the run, and `special` the special values
+    offered. `solved` is whether the flow on its solved manifold serves, where no reduced flow does. `reason` says
+    which, and why. `scales` are the time scales along the run, and `special` the special values
     of its parameters with so many fast directions as are separated, found exactly, least in `error` first.
     """
 
@@ -65,6 +74,7 @@ class Reductions(Card):
     nearest: Reduction | None
     special: tuple[SmallParameter, ...]
     reason: str
+    solved: bool = False
 
     @property
     def near(self) -> list[tuple[SmallParameter, float]]:
@@ -98,6 +108,7 @@ class Reductions(Card):
             "reason": self.reason,
             "time_scales": self.scales.message,
             "recommended": None if self.recommended is None else self.recommended.as_dict(),
+            "solved": self.solved,
             "candidates": [each.as_dict() for each in self.found],
             "special": [
                 {
@@ -112,7 +123,8 @@ class Reductions(Card):
 
     def __repr__(self) -> str:
         name = self.scene.name or "scene"
-        return f"Reductions({name}: {len(self.found)} measured, {self.recommended or 'do not reduce'})"
+        best = self.recommended or (f"solved manifold of {self.nearest}" if self.solved else "do not reduce")
+        return f"Reductions({name}: {len(self.found)} measured, {best})"
 
     def with_costs(self, choice: Choice) -> Reductions:
         """The same with the costs that a `choice` of the one taken measured, so that one run has one cost."""
@@ -221,8 +233,9 @@ def find_reductions(
     timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))
     recommended = _cheapest([each for each in timed if not each.why_not])
     nearest = _nearest(timed)
-    reason = _reason(plain, timed, recommended, nearest, gaps)
-    return Reductions(plain, scales, tuple(timed), recommended, nearest, special, reason)
+    solved = recommended is None and nearest is not None and _is_solved(found[nearest], gaps)
+    reason = _reason(plain, timed, recommended, nearest, gaps, solved)
+    return Reductions(plain, scales, tuple(timed), recommended, nearest, special, reason, solved)
 
 
 def _field(scene: Scene) -> VectorField:
@@ -411,6 +424,17 @@ def _nearest(found: Iterable[Reduction]) -> Reduction | None:
     return min(errors, key=lambda each: each.error, default=None)
 
 
+def _is_solved(study: Study, gaps: np.ndarray) -> bool:
+    """Whether the flow on the manifold that is solved as boundary-value problems serves."""
+    if gaps[len(study.system.y) - 1] < _needed(study.scene.tolerance):
+        return False
+    try:
+        choice = choose(study, orders=ORDERS, fast=_is_led(study))
+    except GspError:
+        return False
+    return any(c.kind is ModelKind.SOLVED and c.valid for c in choice.candidates)
+
+
 def _cheapest(serving: Sequence[Reduction]) -> Reduction | None:
     """The simplest of those that no other is clearly cheaper than."""
     for each in sorted(serving, key=lambda r: (r.order, r.error)):
@@ -425,6 +449,7 @@ def _reason(
     recommended: Reduction | None,
     nearest: Reduction | None,
     gaps: np.ndarray,
+    solved: bool,
 ) -> str:
     over = f"over t = {scene.span[0]:g} to {scene.span[1]:g}"
     if recommended is not None:
@@ -436,6 +461,11 @@ def _reason(
         corrected = [e for e in found if e.name == nearest.name and e.order and _follows(e.candidate)]
         best = min(corrected, key=lambda each: each.error, default=nearest)
         further = f", and {best.error:.2g} to order {best.order}" if best.error < nearest.error else ""
+        if solved:
+            return (
+                f"What may be left out: the {nearest.name}, on its solved manifold. No reduced flow stays within the "
+                f"tolerance {scene.tolerance:g} {over}: its error is {nearest.error:.2g} to order 0{further}."
+            )
         return (
             f"Do not reduce: no candidate stays within the tolerance {scene.tolerance:g} {over}. The nearest is the "
             f"{nearest.name}, whose error is {nearest.error:.2g} to order 0{further}."

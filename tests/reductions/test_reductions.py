@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 import gsp
@@ -18,6 +19,7 @@ from gsp.choice.choice import choose
 from gsp.choice.costs import Cost, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer
+from gsp.cli import cli
 from gsp.reductions import reductions
 from gsp.reductions.fast_parts import fast_parts
 from gsp.reductions.reductions import find_reductions
@@ -582,3 +584,20 @@ def test_choose_takes_the_errors_that_a_study_has() -> None:
     # At another epsilon the errors are others.
     assert asked.asking(epsilon=0.01).measured == {}
     assert asked.asking(tolerance=0.01).measured == asked.measured
+
+
+def test_where_only_the_solved_manifold_serves_it_is_what_may_be_left_out(tmp_path) -> None:
+    """A Hill function with an exponent of 5/2 near 0: its series is past its best order, and the manifold is smooth."""
+    states = {"x": "1/5 + y - x", "y": "20*(x^n/(K^n + x^n) - y)"}
+    asked = scene(states, {"n": 2.5, "K": 0.4}, {"x": 0.1, "y": 1}, 5)
+    found = find_reductions(asked, tolerance=1e-4)
+    assert (found.recommended, found.solved) == (None, True)
+    assert "quasi-steady state of y, on its solved manifold" in found.reason
+    choice = gsp.choose(found.study, tolerance=1e-4)
+    assert any(c.kind == "solved" and c.valid for c in choice.candidates)
+    loose = find_reductions(asked, tolerance=0.01)
+    assert not loose.solved
+    gsp.save(replace(asked, tolerance=1e-4), tmp_path / "hill.toml")
+    done = CliRunner().invoke(cli, ["choose", str(tmp_path / "hill.toml")])
+    assert "May I reduce? Yes" in done.output
+    assert "Do not reduce" not in done.output
