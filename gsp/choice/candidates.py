@@ -184,7 +184,7 @@ def solved_candidate(
         return left_out(error.reason)
     after, last = scene.span[0] + forecast.layer, scene.span[1]
     times = np.linspace(after, last, GRID_POINTS)
-    predicted = float(surface.errors(times).max())
+    predicted, limit = float(surface.errors(times).max()), (1.0 - INTEGRATION) * scene.tolerance
 
     def again() -> Trajectory:
         return run_model(surface.flow, surface.start, scene, scene.span, rtol)
@@ -196,13 +196,13 @@ def solved_candidate(
         why = f"{failure} at t = {run.t[-1]:.4g}: {run.status.meaning}"
     elif not surface.inside(times).all():
         why = "the run leaves the piece of the manifold that was solved"
-    elif not (within := surface.within_region(times)).all():
+    elif not (within := surface.within_region(times, limit)).all():
         failure = Failure.REGION
         why = f"{failure} at t = {times[np.argmin(within)]:.4g}"
-    elif not predicted <= (1.0 - INTEGRATION) * scene.tolerance:
+    elif not predicted <= limit:
         failure = Failure.ERROR
         why = f"{failure}"
-    holds = _held(surface, times, (1.0 - INTEGRATION) * scene.tolerance) if why else last
+    holds = _held(surface, times, limit) if why else last
     preparation = forecast.shared + surface.preparation
     candidate = Candidate(
         ModelKind.SOLVED, None, predicted, holds, (), preparation,
@@ -214,7 +214,7 @@ def solved_candidate(
 def _held(surface: SurfaceForecast, times: np.ndarray, limit: float) -> float:
     """The last of `times` up to which the run on the solved manifold is inside and its error is within `limit`."""
     alive = times[times <= surface.run.t[-1]]
-    good = surface.inside(alive) & surface.within_region(alive) & (surface.errors(alive) <= limit)
+    good = surface.inside(alive) & surface.within_region(alive, limit) & (surface.errors(alive) <= limit)
     return float(times[max(int(np.argmin(np.append(good, False))) - 1, 0)])
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Prediction, predict
+from gsp.choice.prediction import CHECKS, CLEARER, SMALLEST_RTOL, Prediction, predict
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import InnerExpansion
@@ -219,11 +219,18 @@ class SurfaceForecast:
         bounds = self.manifold.region.items()
         return np.all([(run[n] >= low) & (run[n] <= high) for n, (low, high) in bounds], axis=0)
 
-    def within_region(self, times: np.ndarray) -> np.ndarray:
-        """Where (m,) the run is in the scene's region, fast variables and all, as it is asked of reduced flows."""
-        run, prediction = self.run.sample(times), self.forecast.prediction
-        states = np.stack([run[s.name] for s in self.forecast.study.system.states], axis=1)
-        return prediction.inside(self.run, states)
+    def within_region(self, times: np.ndarray, limit: float) -> np.ndarray:
+        """Where (m,) the run is in the scene's region, fast variables and all, as it is asked of reduced flows; all of
+        it is where it is nowhere further out than it may be off, a share `limit` of a side."""
+        inside, whole = (
+            self.forecast.prediction.inside,
+            self._states(np.linspace(self.run.t[0], self.run.t[-1], CHECKS)),
+        )
+        return inside(self.run, self._states(times)) | inside(self.run, whole, within=limit).all()
+
+    def _states(self, times: np.ndarray) -> np.ndarray:
+        run = self.run.sample(times)
+        return np.stack([run[s.name] for s in self.forecast.study.system.states], axis=1)
 
 
 def _between(times: np.ndarray) -> np.ndarray:

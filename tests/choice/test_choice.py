@@ -397,6 +397,21 @@ def test_a_run_out_of_the_region_by_no_more_than_it_may_be_off_has_not_left_it(
         assert reduced.why_not == f"{Failure.REGION} at t = 1"
 
 
+@pytest.mark.parametrize(("beyond", "leaves"), [(3e-5, False), (3e-3, True)])
+def test_the_same_holds_of_the_solved_manifold(beyond: float, leaves: bool) -> None:
+    """A Hill function whose series does not serve; x rises all the time, and the region ends short of where to."""
+    hill = sp.sqrt(x) ** 5 / (sp.sqrt(x) ** 5 + sp.Rational(1, 10))
+    asked = scene(
+        sp.Rational(1, 5) + y - x, hill - y,
+        region={"x": (0.05, 2)}, start={"x": 0.1, "y": 1}, span=(0, 5), epsilon=0.05, tolerance=1e-4,
+    )  # fmt: skip
+    end = float(study_of(asked).full(0.05)["x"][-1])
+    short = replace(asked, region={"x": (0.05, end * (1 - beyond))})
+    (solved,) = (c for c in choose(short).candidates if c.kind is ModelKind.SOLVED)
+    assert (solved.failure is Failure.REGION) is leaves
+    assert solved.valid is not leaves
+
+
 @pytest.mark.exhaustive
 def test_a_run_whose_series_ends_is_not_said_to_lose_hyperbolicity() -> None:
     # A gene's messenger far from rest: the base point of order 2 lies where no term of the series falls; g_y is -1.
