@@ -1,0 +1,52 @@
+"""Errors of the reductions at special values of parameters: of what counts, and behind layers that leave something."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.integration.trajectory import trajectory_of
+from gsp.reductions.special_parts import with_errors
+from gsp.scales.special_values import small_parameters
+
+u, v, a, b = sp.symbols("u v a b")
+
+
+def errors(rates: dict, values: dict, start: dict, end: float) -> dict[tuple[str, ...], float | None]:
+    """By what vanishes, the error of the reduction to one dimension over a span."""
+    field = gsp.VectorField(rates, parameters=values)
+    scene = gsp.Scene(field, {}, start, (0, end), tolerance=1e-3)
+    run = trajectory_of(field, start=start, span=scene.span, epsilon=None, rtol=1e-10, atol=1e-12)
+    return {
+        each.vanishing: each.error for each in with_errors(scene, run, small_parameters(field, dimensions=[1]))
+    }
+
+
+def test_where_nothing_depends_on_what_is_left_out_its_own_error_counts() -> None:
+    """u' = -a u is exact whatever v is; v' = b (u - v) is off by a/(b - a) (exp(-a t) - exp(-b t)), not by 0."""
+    found = errors({u: -a * u, v: b * (u - v)}, {a: 0.1, b: 5}, {"u": 1, "v": 1}, 10)
+    times = np.linspace(0, 10, 2001)
+    assert found["a",] == pytest.approx(
+        (0.1 / 4.9 * (np.exp(-0.1 * times) - np.exp(-5 * times))).max(), rel=0.02
+    )
+
+
+def test_the_states_that_stay_count_where_they_depend_on_the_others() -> None:
+    """u' = -a v with v = u to leading order: u is off by the second order of a/b in its rate."""
+    found = errors({u: -a * v, v: b * (u - v)}, {a: 0.1, b: 5}, {"u": 1, "v": 1}, 10)
+    times = np.linspace(0, 10, 2001)
+    slow, fast = np.roots([1, 5, 0.5])[::-1]
+    first = (-0.1 - fast) / (slow - fast)
+    exact = first * np.exp(slow * times) + (1 - first) * np.exp(fast * times)
+    assert found["a",] == pytest.approx(np.abs(np.exp(-0.1 * times) - exact).max(), rel=0.02)
+
+
+def test_behind_a_layer_of_more_than_half_the_span_nothing_is_told() -> None:
+    rates = {u: -a * v, v: b * (u - v)}
+    layer = np.log(1 / (0.1 * 1e-3)) / 0.5
+    for end, told in ((3 * layer, True), (1.5 * layer, False)):
+        found = errors(rates, {a: 0.01, b: 0.5}, {"u": 1, "v": 0}, end)["a",]
+        assert found is not None
+        assert np.isfinite(found) is np.bool_(told)
