@@ -218,10 +218,15 @@ def _held(surface: SurfaceForecast, times: np.ndarray, limit: float) -> float:
     return float(times[max(int(np.argmin(np.append(good, False))) - 1, 0)])
 
 
+# Failures that a measurement over the whole span goes before: those of what is predicted, and of a region that a run
+# found.
+MEASURABLE = (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
+
+
 def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
     """The trial with its error over the span, which was measured: it goes before what is predicted of it."""
     candidate = trial.candidate
-    if not (candidate.valid or candidate.failure in (Failure.ERROR, Failure.UNTOLD)):
+    if not (candidate.valid or candidate.failure in MEASURABLE):
         return trial
     serves = error <= scene.tolerance
     found = replace(

@@ -12,6 +12,7 @@ from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.choice.candidates import (
     GRID_POINTS,
     INTEGRATION,
+    MEASURABLE,
     Candidate,
     ModelKind,
     Trial,
@@ -21,7 +22,6 @@ from gsp.choice.candidates import (
 from gsp.choice.choice import Choice, choose
 from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import LAYER_LEFT
-from gsp.choice.prediction import Failure
 from gsp.choice.verdict import seconds_shown
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -357,7 +357,7 @@ def _trial(reduction: Reduction, study: Study, rtol: float) -> Trial:
 
 def _follows(candidate: Candidate) -> bool:
     """Whether the slow manifold attracts, and the rest follows it, to the end; a region found by a run is no limit."""
-    return candidate.valid or candidate.failure in (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
+    return candidate.valid or candidate.failure in MEASURABLE
 
 
 def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
