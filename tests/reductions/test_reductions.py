@@ -601,3 +601,17 @@ def test_where_only_the_solved_manifold_serves_it_is_what_may_be_left_out(tmp_pa
     done = CliRunner().invoke(cli, ["choose", str(tmp_path / "hill.toml")])
     assert "May I reduce? Yes" in done.output
     assert "Do not reduce" not in done.output
+
+
+def test_a_region_that_a_run_found_is_no_limit_in_the_verdict_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two tanks: the reduced run of order 0 leaves the interval of p that the full run keeps to."""
+    monkeypatch.setattr(costs, "_seconds", lambda run: float(run().stats.field_calls))
+    states = {"h1": "(1/10 - 5*(h1 - h2))/A", "h2": "(5*(h1 - h2) - 3/10*sqrt(h2))/B"}
+    asked = scene(states, {"A": 0.002, "B": 3}, {"h1": 0.5, "h2": 0.4}, 40)
+    found = find_reductions(asked, tolerance=1e-4)
+    first = found.recommended
+    assert first is not None
+    assert (first.order, first.candidate.failure) == (0, Failure.REGION)
+    (own,) = (c for c in choose(found.study).candidates if c.order == 0)
+    assert own.valid
+    assert own.predicted == first.error
