@@ -189,9 +189,9 @@ class Prediction:
         times = np.linspace(self.first, self.covered(order), CHECKS)
         return not self.inside(run, self._places(run, times)[1], within=limit).all()
 
-    def inside(self, run: Trajectory, states: np.ndarray, *, within: float = BESIDE) -> np.ndarray:
+    def inside(self, run: Trajectory, states: np.ndarray, *, within: float = 0.0) -> np.ndarray:
         """Which of `states` (m, n) of a run are in the region, or no further out than where it begins, or than the run
-        may be off, a share `within` of a side.
+        may be off: a share `within` of what an error is relative to, or of a side where that is not known.
 
         The region of a field that was split bounds its raw states, whichever of them became fast coordinates.
         The base point of a start on the region's edge lies beyond it by as much as its fibre carries it.
@@ -206,7 +206,7 @@ class Prediction:
         good = np.ones(len(states), dtype=bool)
         for name, (low, high) in region.items():
             first, later = values[name][0], values[name][1:]
-            slack = max(within, BESIDE) * (high - low)
+            slack = max(BESIDE * (high - low), within * self.scale.get(name, high - low))
             if name in widened:
                 low, high = min(low, first), max(high, first)
             good &= ~((later < low - slack) | (later > high + slack))

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.fibres.layer_flow import LayerFlow
+from gsp.fibres.layer_orbit import SPREAD
 from gsp.integration.trajectory import trajectory_of
 
-# Fast times, in units of the fastest at the start, and how often they are doubled.
-PATIENCE, DOUBLINGS = 10.0, 24
+# The first look, in units of the fastest time at the start, and the e-folds of the slowest rate that a layer may have:
+# after so many all of it is gone to rounding.
+PATIENCE, E_FOLDS = 10.0, 40.0
 # The orbit only has to come near: Newton's method makes the point.
 RTOL = 1e-8
 
@@ -24,8 +26,9 @@ def end_of_layer(layer: LayerFlow, y: np.ndarray) -> np.ndarray | None:
     matrix = layer.jacobian(here[None, :])[0]
     fastest = np.abs(np.linalg.eigvals(matrix)).max() if np.isfinite(matrix).all() else 0.0
     names = [s.name for s in layer.system.y]
-    span = PATIENCE / (fastest or 1.0)
-    for _ in range(DOUBLINGS):
+    time = 1.0 / (fastest or 1.0)
+    span = PATIENCE * time
+    while span <= E_FOLDS * SPREAD * time:
         run = trajectory_of(
             layer.flow(), dict(zip(names, map(float, here))), (0.0, span), rtol=RTOL, atol=0.01 * RTOL
         )
@@ -53,6 +56,6 @@ def attractor_at(layer: LayerFlow, here: np.ndarray) -> np.ndarray | None:
             return None
         if np.linalg.norm(step) <= 1e-13 * (1.0 + np.linalg.norm(y)):
             break
-    near = np.linalg.norm(y - here) <= 1e-4 * (1.0 + np.linalg.norm(y))
-    stable = np.linalg.eigvals(layer.jacobian(y[None, :])[0]).real.max() < 0.0
-    return y if near and stable else None
+    matrix = layer.jacobian(y[None, :])[0]
+    near = np.linalg.norm(y - here) <= 1e-4 * (1.0 + np.linalg.norm(y)) and np.isfinite(matrix).all()
+    return y if near and np.linalg.eigvals(matrix).real.max() < 0.0 else None
