@@ -126,7 +126,8 @@ def test_the_command_line_says_so_and_has_one_answer(tmp_path) -> None:
     assert "over t = 0 to 0.8 " in done.output
 
 
-def test_a_report_says_that_the_field_was_in_fast_time(tmp_path) -> None:
+def test_a_report_says_that_the_field_was_in_fast_time(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gsp.charts, "applicable", lambda analysis: {})
     page = gsp.write_report(gsp.analyse(fast(), order=1), tmp_path, latex=True)
     assert "the span 40 became 0.8" in re.sub(r"<[^>]+>", "", page.read_text(encoding="utf-8"))
     assert "given in fast time, over a span of 40." in (tmp_path / "report.tex").read_text(encoding="utf-8")
