@@ -24,7 +24,8 @@ from gsp.cycles.passage_certificate import PassageCertificate, certify_passage
 from gsp.errors import NO_REASON, GspError, Reason, UnsupportedFunctionError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
-from gsp.scenes.study import IMAGE_POINTS, Study
+from gsp.scenes.image import IMAGE_POINTS
+from gsp.scenes.study import Study
 from gsp.singular.blow_up.blow_up import BlowUp, blow_up
 from gsp.singular.passage.entry_exit import entry_exit
 from gsp.singular.passage.failure import PassageError

@@ -22,7 +22,8 @@ from gsp.results.drawn import Drawn
 from gsp.results.table import names_of
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
-from gsp.scenes.slow_time import divided, divides, in_slow_time, is_in_fast_time
+from gsp.scenes.slow_time import in_slow_time
+from gsp.splitting.fast_time import divided, divides, is_in_fast_time
 from gsp.systems.arguments import check_each, check_flag, check_noun, shown
 from gsp.systems.flow import Point, Values, check_epsilon, check_order, complete, read_only
 from gsp.systems.region import Interval, check_region

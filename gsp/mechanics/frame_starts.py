@@ -12,7 +12,7 @@ from gsp.mechanics.algebra import numbers
 from gsp.mechanics.constraints import ConstrainedSystem
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.lagrangian import LagrangianSystem
-from gsp.scenes.study import IMAGE_POINTS
+from gsp.scenes.image import IMAGE_POINTS
 from gsp.splitting.splitting import Splitting
 from gsp.systems.flow import Point, Values, check_given, values_by_name
 from gsp.systems.region import Interval

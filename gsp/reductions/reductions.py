@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.choice.candidates import (
     GRID_POINTS,
-    INTEGRATION,
-    MEASURABLE,
-    Candidate,
-    ModelKind,
-    Trial,
-    full_candidate,
-    run_model,
 )
-from gsp.choice.choice import Choice, choose
-from gsp.choice.costs import Cost, cost_beside, timed
-from gsp.choice.forecast import LAYER_LEFT
+from gsp.choice.choice import Choice
+from gsp.choice.costs import Cost, cost_beside
 from gsp.choice.verdict import seconds_shown
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.reductions.fast_directions import fast_directions
 from gsp.reductions.fast_parts import FastPart, fast_parts
+from gsp.reductions.measurement import (
+    LARGEST,
+    RTOL,
+    field_of,
+    follows,
+    is_solved,
+    measure,
+    needed_gap,
+    timed_together,
+)
 from gsp.reductions.reduction import Reduction
 from gsp.reductions.screening import defect
 from gsp.reductions.special_parts import SpecialPart, special_parts, with_errors
@@ -35,23 +36,12 @@ from gsp.scales.small_parameter import SmallParameter
 from gsp.scales.time_scales import TimeScales, time_scales
 from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import (
-    are_fast_by_themselves,
-    take_fast,
-    take_small,
-    with_bookkeeping,
     without_small,
 )
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_noun, check_progress
-from gsp.systems.system import VectorField
 from gsp.systems.tolerances import absolute_tolerance
 
-# Orders of the reduced flows that are measured, those of `choose`: the reduction, and its corrections.
-ORDERS = (0, 1, 2, 3)
-# The error of order 0 is about the ratio of the time scales: above a tenth that is not small.
-LARGEST = 0.1
-# Runs that are compared: far finer than any tolerance.
-RTOL = 1e-10
 # Candidates that are measured: those that the run stays nearest to.
 MEASURED = 6
 
@@ -146,7 +136,7 @@ class Reductions(Card):
 
     def shown(self) -> Iterator[Reduction]:
         """Of each candidate the reduction itself, and the lowest order that serves; where none does, the nearest."""
-        followed = [each for each in self.found if _follows(each.candidate) and np.isfinite(each.error)]
+        followed = [each for each in self.found if follows(each.candidate) and np.isfinite(each.error)]
         best: dict[str, Reduction] = {}
         for each in sorted(followed, key=lambda r: (bool(r.why_not), r.error if r.why_not else r.order)):
             best.setdefault(each.name, each)
@@ -202,16 +192,16 @@ def find_reductions(
     plain = without_small(scene)
     if tolerance is not None:
         plain = replace(plain, tolerance=tolerance)
-    run, field = _run(plain), _field(plain)
+    run, field = _run(plain), field_of(plain)
     scales = time_scales(plain)
     gaps = _gaps(scales)
     found: dict[Reduction, Study] = {}
 
-    def measure(parts: Iterable[FastPart | SpecialPart]) -> None:
+    def look_at(parts: Iterable[FastPart | SpecialPart]) -> None:
         for i, part in enumerate(parts):
             if progress is not None:
                 progress(i / MEASURED)
-            found.update(_measured(plain, part, gaps))
+            found.update(measure(plain, part, gaps))
 
     # What is fast together most often, however many states that are: sets of a few are tried one by one.
     together = Counter(scales.fast(i) for i in np.flatnonzero(scales.separated).tolist())
@@ -219,29 +209,23 @@ def find_reductions(
     large = [[named[name] for name in names] for names, _ in together.most_common(MEASURED)]
     parts = fast_parts(field, large=large)
     ranked = sorted(_screened(plain, run, gaps, parts), key=lambda pair: pair[0])
-    measure(part for _, part in ranked[:MEASURED])
+    look_at(part for _, part in ranked[:MEASURED])
     if _nearest(found) is None:
         # Nothing that has a name is separated: combinations of states may be.
         most = len(field.states) - len(scales.conserved) - 1
         unnamed = fast_directions(field, run.y[:, -1], 1.0 / LARGEST, most=most)
-        measure(part for _, part in _screened(plain, run, gaps, unnamed))
-    is_separated = gaps >= _needed(LARGEST)
+        look_at(part for _, part in _screened(plain, run, gaps, unnamed))
+    is_separated = gaps >= needed_gap(LARGEST)
     special = with_errors(plain, run, special_parts(field, lambda count: bool(is_separated[count - 1])))
     if all(each.why_not for each in found):
-        measure(SpecialPart(e) for e in special[:MEASURED] if e.error is not None and e.error <= LARGEST)
-    timed = _timed_together(plain, found)
+        look_at(SpecialPart(e) for e in special[:MEASURED] if e.error is not None and e.error <= LARGEST)
+    timed = timed_together(plain, found)
     timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))
     recommended = _cheapest([each for each in timed if not each.why_not])
     nearest = _nearest(timed)
-    solved = recommended is None and nearest is not None and _is_solved(found[nearest], gaps)
+    solved = recommended is None and nearest is not None and is_solved(found[nearest], gaps)
     reason = _reason(plain, timed, recommended, nearest, gaps, solved)
     return Reductions(plain, scales, tuple(timed), recommended, nearest, special, reason, solved)
-
-
-def _field(scene: Scene) -> VectorField:
-    """The field of a scene without a small parameter, which no system in slow and fast variables is."""
-    assert isinstance(scene.system, VectorField)
-    return scene.system
 
 
 def _run(scene: Scene) -> Trajectory:
@@ -264,11 +248,6 @@ def _gaps(scales: TimeScales) -> np.ndarray:
     return gaps
 
 
-def _needed(accuracy: float) -> float:
-    """The gap with which a fast mode falls below its share of the accuracy within the time scale of the next."""
-    return float(np.log(1.0 / (LAYER_LEFT * accuracy)))
-
-
 def _screened(
     scene: Scene, run: Trajectory, gaps: np.ndarray, parts: Sequence[FastPart]
 ) -> Iterator[tuple[float, FastPart]]:
@@ -276,163 +255,20 @@ def _screened(
     times = np.linspace(float(run.t[0]), float(run.t[-1]), GRID_POINTS)
     for part in parts:
         # As many directions as states leave nothing that is slow.
-        if part.count > len(gaps) or gaps[part.count - 1] < _needed(LARGEST):
+        if part.count > len(gaps) or gaps[part.count - 1] < needed_gap(LARGEST):
             continue
         try:
-            far = defect(_field(scene), part, run, times)
+            far = defect(field_of(scene), part, run, times)
         except (GspError, np.linalg.LinAlgError):
             continue
         if np.isfinite(far):
             yield far, part
 
 
-def _measured(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dict[Reduction, Study]:
-    """The candidate with its errors against the full run, an entry for each order, and the study that they come from.
-
-    None where it cannot be reduced.
-    """
-    try:
-        counted, shown = _scenes(scene, part)
-        study = Study(counted)
-        led = _is_led(study)
-        choice = choose(study, orders=ORDERS[:1], fast=led, solve=False)
-        errors = _errors(study, choice)
-        if errors.get(0, float("nan")) <= LARGEST:
-            # Only where something is separated are corrections of use; elsewhere they may run for minutes.
-            choice = choose(study, orders=ORDERS, fast=led, solve=False)
-            errors = _errors(study, choice)
-    except (GspError, NotImplementedError, np.linalg.LinAlgError):
-        return {}
-    full = choice.candidates[-1]
-    found = {}
-    for c in choice.candidates[:-1]:
-        if c.order is None or np.isnan(c.seconds):
-            continue
-        why_not = "" if _follows(c) else c.why_not
-        error = errors.get(c.order, float("nan"))
-        if not why_not and 0 not in errors:
-            why_not = "its run does not reach the end with as many steps as the full run calls its field"
-        if not why_not and not errors[0] <= LARGEST:
-            why_not = "to order 0 the error is more than a tenth: nothing is separated"
-        if not why_not and not error <= scene.tolerance:
-            why_not = "the error passes the tolerance"
-        gap = gaps[part.count - 1]
-        if not why_not and gap < _needed(scene.tolerance):
-            why_not = f"the tolerance needs time scales {_needed(scene.tolerance):.1f} times apart: {gap:.1f}"
-        reduction = Reduction(
-            name=part.name, scene=shown, order=c.order, error=error,
-            measured=(scene.span[0] + choice.layer, scene.span[1]),
-            full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=led,
-        )  # fmt: skip
-        found[reduction] = study
-    return found
-
-
-def _timed_together(scene: Scene, found: Mapping[Reduction, Study]) -> list[Reduction]:
-    """The same, those that serve and the full system timed in turn: measured apart, their costs cannot be compared."""
-    serving = [each for each in found if not each.why_not]
-    if not serving:
-        return list(found)
-    rtol = INTEGRATION * scene.tolerance
-    layer = max(each.measured[0] - scene.span[0] for each in serving)
-    whole, _ = full_candidate(scene.system, scene.start, scene, layer, rtol)
-    *own, full = timed([*(_trial(each, found[each], rtol) for each in serving), whole])
-    costs = iter(own)
-    return [
-        each if each.why_not else replace(each, candidate=next(costs), full_seconds=full.seconds)
-        for each in found
-    ]
-
-
-def _trial(reduction: Reduction, study: Study, rtol: float) -> Trial:
-    """A run of the reduced flow over the span, to be timed; one is made here, so that its code is built."""
-    flow, start = study.reduced(reduction.order, reconstructed=False), study.base_point(reduction.order)
-
-    def again() -> Trajectory:
-        return run_model(flow, start, study.scene, study.scene.span, rtol)
-
-    again()
-    return Trial(reduction.candidate, (again,))
-
-
-def _follows(candidate: Candidate) -> bool:
-    """Whether the slow manifold attracts, and the rest follows it, to the end; a region found by a run is no limit."""
-    return candidate.valid or candidate.failure in MEASURABLE
-
-
-def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
-    """The scene with a bookkeeping epsilon, and with a parameter in its place where one divides the fast rates."""
-    fast = part.states
-    if fast is None:
-        made = with_bookkeeping(scene, part.field(_field(scene)), ())
-        return made, made
-    made = take_fast(scene, variables=[s.name for s in fast])
-    rates = dict(zip(scene.system.states, scene.system.rates))
-    for parameter, value in sorted(scene.system.parameters.items(), key=lambda pair: pair[1]):
-        if (
-            value > 0
-            and all(
-                misplaced_epsilon(rate, parameter) is None and pole_order(rate, parameter) == (state in fast)
-                for state, rate in rates.items()
-            )
-            and are_fast_by_themselves(rates, parameter, fast)
-        ):
-            return made, take_small(scene, parameter=parameter.name)
-    return made, made
-
-
-def _is_led(study: Study) -> bool:
-    """Whether no slow variable takes notice of the fast ones: then these are reduced, as where a clock drives."""
-    return not any(rate.has(*study.system.y) for rate in study.system.f)
-
-
-def _errors(study: Study, choice: Choice) -> dict[int, float]:
-    """The largest relative error of a variable that counts, behind the initial layer, by order.
-
-    Without those whose runs take more steps than the full run calls its field: reducing to them saves nothing.
-    """
-    scene = study.scene
-    first, last = scene.span
-    if not choice.layer < last - first:
-        return {}
-    times = np.linspace(first + choice.layer, last, GRID_POINTS)
-    exact = run_model(study.system, study.start, scene, scene.span, RTOL, at=times)
-    if not exact.status.ok:
-        return {}
-    found = {}
-    for c in choice.candidates:
-        if c.order is None or (c.order and not _follows(c)):
-            continue
-        own = run_model(
-            study.reduced(c.order, reconstructed=False),
-            study.base_point(c.order),
-            scene,
-            scene.span,
-            RTOL,
-            at=times,
-            max_steps=exact.stats.field_calls,
-        )
-        if own.status.ok:
-            gaps = [np.abs(own[x] - exact[x]).max() / (np.abs(exact[x]).max() or 1.0) for x in choice.names]
-            found[c.order] = float(max(gaps))
-    return found
-
-
 def _nearest(found: Iterable[Reduction]) -> Reduction | None:
     """The reduction of order 0 that is least in error, where that is small."""
-    errors = [each for each in found if each.order == 0 and each.error <= LARGEST and _follows(each.candidate)]
+    errors = [each for each in found if each.order == 0 and each.error <= LARGEST and follows(each.candidate)]
     return min(errors, key=lambda each: each.error, default=None)
-
-
-def _is_solved(study: Study, gaps: np.ndarray) -> bool:
-    """Whether the flow on the manifold that is solved as boundary-value problems serves."""
-    if gaps[len(study.system.y) - 1] < _needed(study.scene.tolerance):
-        return False
-    try:
-        choice = choose(study, orders=ORDERS, fast=_is_led(study))
-    except GspError:
-        return False
-    return any(c.kind is ModelKind.SOLVED and c.valid for c in choice.candidates)
 
 
 def _cheapest(serving: Sequence[Reduction]) -> Reduction | None:
@@ -458,7 +294,7 @@ def _reason(
             f"{recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
         )
     if nearest is not None:
-        corrected = [e for e in found if e.name == nearest.name and e.order and _follows(e.candidate)]
+        corrected = [e for e in found if e.name == nearest.name and e.order and follows(e.candidate)]
         best = min(corrected, key=lambda each: each.error, default=nearest)
         further = f", and {best.error:.2g} to order {best.order}" if best.error < nearest.error else ""
         if solved:
@@ -475,10 +311,10 @@ def _reason(
     widest = float(gaps.max())
     if widest == 0.0:
         return f"Do not reduce: no mode decays ahead of the others {over}."
-    if widest < _needed(LARGEST):
+    if widest < needed_gap(LARGEST):
         return (
             f"Do not reduce: nothing is separated {over}. Where modes decay the next is at most {widest:.1f} times as "
-            f"slow, and {_needed(LARGEST):.1f} times are needed for a layer to pass before the rest has moved."
+            f"slow, and {needed_gap(LARGEST):.1f} times are needed for a layer to pass before the rest has moved."
         )
     return f"Do not reduce: no part of the field is fast, attracts and lets the rest follow {over}."
 

@@ -14,7 +14,8 @@ from gsp.demos.demo import Demo, demo
 from gsp.demos.page import frame_script
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import trajectory_of
-from gsp.reductions.reductions import RTOL, Reductions
+from gsp.reductions.measurement import RTOL
+from gsp.reductions.reductions import Reductions
 from gsp.report.captions import RAMP, TIME_SCALES
 from gsp.report.page import ShortReport, environment_of_pages, short_figures
 from gsp.report.ramps import ramps, ramps_as_json

@@ -8,24 +8,12 @@ from typing import Any
 
 import sympy as sp
 
-from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.errors import SplittingError
 from gsp.scenes.scene import TIME, Scene
 from gsp.scenes.view import View
+from gsp.splitting.fast_time import divided, is_in_fast_time
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
-
-
-def is_in_fast_time(system: SlowFastSystem | VectorField) -> bool:
-    """Whether it is a field in whose rates the small parameter stands, and none of them has a pole in it."""
-    epsilon = system.epsilon
-    return (
-        isinstance(system, VectorField)
-        and epsilon is not None
-        and any(rate.has(epsilon) for rate in system.rates)
-        and all(misplaced_epsilon(rate, epsilon) is None for rate in system.rates)
-        and not any(divides(rate, epsilon) for rate in system.rates)
-    )
 
 
 def has_slow_time(system: SlowFastSystem | VectorField) -> bool:
@@ -44,17 +32,8 @@ def in_slow_time(scene: Scene) -> Scene:
     system = scene.system
     assert isinstance(system, VectorField)
     assert system.epsilon is not None
-    changes = told_in_slow_time(scene, system.epsilon, scene.epsilon) | {"phase": scene.phase}
-    return replace(scene, system=divided(system), **changes)
-
-
-def divided(field: VectorField) -> VectorField:
-    """The field with every rate divided by epsilon, term by term."""
-    rates = {
-        state: sp.Add(*(term / field.epsilon for term in sp.Add.make_args(rate)))
-        for state, rate in field.equations.items()
-    }
-    return field.as_field(rates)
+    changes = told_in_slow_time(scene, system.epsilon, scene.epsilon)
+    return replace(scene, system=divided(system), **(changes | {"phase": scene.phase, "ramps": scene.ramps}))
 
 
 def explain_slow_time(scene: Scene, before: Scene) -> str:
@@ -64,11 +43,6 @@ def explain_slow_time(scene: Scene, before: Scene) -> str:
         f"no rate has a pole in {epsilon}, so the time of the model is the fast one: rates are divided by "
         f"{epsilon}, and the span {before.span[1]:g} becomes {scene.span[1]:g}"
     )
-
-
-def divides(rate: sp.Expr, symbol: sp.Symbol) -> bool:
-    """Whether the rate has a pole in the symbol; one inside a function or a root divides nothing."""
-    return misplaced_epsilon(rate, symbol) is None and pole_order(rate, symbol) > 0
 
 
 def told_in_slow_time(scene: Scene, symbol: sp.Symbol, value: float) -> dict[str, Any]:

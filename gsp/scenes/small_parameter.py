@@ -16,7 +16,8 @@ from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError, SplittingError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import LADDER, Scene
-from gsp.scenes.slow_time import divides, explain_slow_time, told_in_slow_time
+from gsp.scenes.slow_time import explain_slow_time, told_in_slow_time
+from gsp.splitting.fast_time import divides
 from gsp.systems.arguments import check_each, check_noun, check_text, shown
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval

@@ -7,7 +7,6 @@ epsilon or tolerance too.
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
@@ -18,23 +17,18 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import CriticalManifold, solve_critical
-from gsp.critical.sheet_points import place
-from gsp.critical.sheet_roots import fast_bounds, within
-from gsp.errors import BudgetError, DeclarationError, SplittingError
+from gsp.errors import BudgetError, SplittingError
 from gsp.fibres.base_points import BasePoint, base_point_of
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
-from gsp.fibres.layer_end import end_of_layer
-from gsp.fibres.layer_flow import LayerFlow
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
-from gsp.scenes.raw_states import RawStates
+from gsp.scenes.image import image_of
 from gsp.scenes.scaled import take_scaling
 from gsp.scenes.scene import Scene
+from gsp.scenes.sheet import sheet_of
 from gsp.scenes.slow_time import has_slow_time, in_slow_time
 from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.switched import in_fast_variables
@@ -45,14 +39,11 @@ from gsp.splitting.scaling import Scaling
 from gsp.splitting.splitting import Splitting, has_higher_pole, split
 from gsp.splitting.switches import Switch, has_switches
 from gsp.systems.arguments import check_noun
-from gsp.systems.declaration import exact
 from gsp.systems.flow import check_epsilon, check_order
-from gsp.systems.region import ImageBox, Interval
+from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem, VectorField
 from gsp.systems.tolerances import absolute_tolerance
 
-# Points per axis of a box that is mapped when a slow coordinate is no multilinear function of raw states.
-IMAGE_POINTS = 7
 # Full runs that are kept: far below the width of a line.
 RTOL = 1e-8
 
@@ -142,27 +133,9 @@ class Study(Card):
 
         Where the start lies off it, and its layer settles on another within these bounds, it is that one.
         """
-        return self._once(("branch",), self._branch)
-
-    def _branch(self) -> Branch:
-        nearest = self.critical.nearest(self.start, region=self.region)
-        if nearest.is_explicit and len(self.critical.branches) == 1:
-            return nearest
-        x, y = place(self.system, self.start)
-        point = nearest.points(x[None, :])[0]
-        layer = LayerFlow.within(self.system, x, y, point)
-        # Within epsilon of a sheet, the ladder's largest, a start is on its slow manifold to leading order.
-        if np.abs((y - point) / layer.units).max() <= self.scene.epsilons[0]:
-            return nearest
-        end = end_of_layer(layer, y)
-        bounds = fast_bounds(self.system, self.region)
-        if (
-            end is None
-            or within(point[None, :], self.system.y, bounds)[0] > within(end[None, :], self.system.y, bounds)[0]
-        ):
-            return nearest
-        settled = {**self.start, **{s.name: float(v) for s, v in zip(self.system.y, end)}}
-        return self.critical.nearest(settled, region=self.region)
+        return self._once(
+            ("branch",), lambda: sheet_of(self.critical, self.start, self.region, off=self.scene.epsilons[0])
+        )
 
     @property
     def hyperbolicity(self) -> Hyperbolicity:
@@ -357,7 +330,9 @@ class Study(Card):
     def _region(self) -> Mapping[str, Interval]:
         scene, splitting = self.scene, self.splitting
         return (
-            MappingProxyType(dict(scene.region)) if splitting is None else _image(scene, splitting, self.system)
+            MappingProxyType(dict(scene.region))
+            if splitting is None
+            else image_of(scene, splitting, self.system)
         )
 
 
@@ -389,49 +364,3 @@ def study_of(scene: Scene | Study, *, verb: str = "study") -> Study:
     if has_slow_time(scene.system):
         return Study(in_slow_time(scene), given=scene)
     return Study(scene)
-
-
-def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> Mapping[str, Interval]:
-    """The box of the slow coordinates around the image of the raw region; fast bounds are kept."""
-    region: dict[str, Interval] = {}
-    for symbol, expression in splitting.coordinates.items():
-        used = [z for z in scene.system.states if expression.has(z)]
-        missing = [z.name for z in used if z.name not in scene.region]
-        if missing and symbol in system.y:
-            continue
-        if missing:
-            raise DeclarationError(
-                f"the region gives no interval for {', '.join(missing)}, which the slow coordinate {symbol} "
-                f"= {expression} is made of.",
-                f"Bound {', '.join(missing)} too.",
-            )
-        box = [scene.region[z.name] for z in used]
-        # A multilinear function takes its extremes at the corners; others are sampled as well.
-        linear = all(expression.is_polynomial(z) and expression.diff(z, 2) == 0 for z in used)
-        axes = [np.linspace(low, high, 2 if linear else IMAGE_POINTS) for low, high in box]
-        points = np.array(list(itertools.product(*axes)))
-        function = compile_function(
-            (expression,), arguments=tuple(used), parameters=tuple(scene.system.parameters)
-        )
-        values = function(points, compile_flow(scene.system).constants)
-        if not np.isfinite(values).all():
-            at = points[int(np.argmin(np.isfinite(values.reshape(len(points)))))]
-            raise DeclarationError(
-                f"the slow coordinate {symbol} = {expression} has no finite value in a place of the region.",
-                "Leave that place out of the region.",
-                got=", ".join(f"{z.name} = {value:g}" for z, value in zip(used, at)),
-            )
-        ends = [float(values.min()), float(values.max())]
-        if linear:
-            # Exactly, so that decimals stay decimals: 2.28 and not 2.2800000000000002.
-            corners = [points[int(find(values))] for find in (np.argmin, np.argmax)]
-            places = [dict(zip(used, map(exact, corner.tolist()))) for corner in corners]
-            ends = [float(expression.xreplace({**scene.system.parameters, **place})) for place in places]
-        region[symbol.name] = (ends[0], ends[1])
-    made_of = [
-        e.free_symbols & set(scene.system.states) for x, e in splitting.coordinates.items() if x in system.x
-    ]
-    if len(set().union(*made_of)) == sum(map(len, made_of)):
-        # No two slow coordinates are made of one state: the image is the box.
-        return MappingProxyType(region)
-    return ImageBox(MappingProxyType(region), RawStates(splitting, scene.region).have)

@@ -38,6 +38,7 @@ from gsp.splitting.fast_part import (
     shown,
     tidy,
 )
+from gsp.splitting.fast_time import divided, is_in_fast_time
 from gsp.splitting.restriction import restricted
 from gsp.splitting.scaling import Scaling, scalings
 from gsp.splitting.switches import Switch, has_switches, with_fast, without_switches
@@ -198,7 +199,8 @@ def split(field: VectorField | SlowFastSystem, *, second: str | sp.Symbol | None
         return replace(split(changed), switches=switches)
     if has_higher_pole(field):
         return _split_scaled(field)
-    field, rescaled = _slow_time(field)
+    rescaled = is_in_fast_time(field)
+    field = divided(field) if rescaled else field
     layer, drift = principal_part(field)
     rank = layer_rank(layer, field)
     n = len(field.states)
@@ -267,16 +269,6 @@ def _split_scaled(field: VectorField) -> Splitting:
         f"{epsilon} leaves a fast part that is hyperbolic and something slow. Where there are three time "
         f'scales take nest(scene, small=["{epsilon}", "{epsilon}"]).',
     )
-
-
-def _slow_time(field: VectorField) -> tuple[VectorField, bool]:
-    """The field with its pole; a field in fast time is divided by epsilon."""
-    epsilon = field.epsilon
-    assert epsilon is not None
-    highest = max(pole_order(rate, epsilon) for rate in field.rates)
-    if highest == 1:
-        return field, False
-    return field.as_field({z: sp.expand(rate / epsilon) for z, rate in field.equations.items()}), True
 
 
 def _fast_choices(integrals, layer, field: VectorField, rank: int):

@@ -20,7 +20,7 @@ from gsp.choice.costs import Cost, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer
 from gsp.cli import cli
-from gsp.reductions import reductions
+from gsp.reductions import measurement
 from gsp.reductions.fast_parts import fast_parts
 from gsp.reductions.reductions import find_reductions
 from gsp.scenes.study import Study
@@ -249,7 +249,7 @@ def test_what_slows_the_machine_while_one_candidate_is_looked_at_changes_no_reco
         flows = [replace(c, timings=tuple(load * t for t in c.timings)) for c in choice.candidates[:-1]]
         return replace(choice, candidates=(*flows, choice.candidates[-1]))
 
-    monkeypatch.setattr(reductions, "choose", choose_under_load)
+    monkeypatch.setattr(measurement, "choose", choose_under_load)
     found = find_reductions(enzyme(*ENZYMES[3]))
     assert found.recommended.name == quiet.recommended.name
     assert found.recommended.seconds == quiet.recommended.seconds

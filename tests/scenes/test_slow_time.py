@@ -12,10 +12,12 @@ from click.testing import CliRunner
 
 import gsp
 from gsp.cli import cli
+from gsp.scenes.ramp_question import RampQuestion
 from gsp.scenes.scene import Scene
-from gsp.scenes.slow_time import has_slow_time, in_slow_time, is_in_fast_time
+from gsp.scenes.slow_time import has_slow_time, in_slow_time
 from gsp.scenes.study import study_of
 from gsp.scenes.view import View
+from gsp.splitting.fast_time import is_in_fast_time
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, z, k, eps = sp.symbols("x y z k epsilon")
@@ -49,11 +51,13 @@ def fast(**others) -> Scene:
 
 
 def test_it_is_the_scene_that_one_would_write_in_slow_time() -> None:
+    ramps = {"up": RampQuestion(gsp.Ramp.tanh({k: (1, 2)}))}
     given = fast(
         reconstruction={z: eps * x},
         claims={"limit": {x: -eps * k * x**2}},
         views={"run": View("t", "x", ranges={"t": (SPAN / 4, SPAN)})},
         units={"x": "m", "t": "s"},
+        ramps=ramps,
     )
     expected = scene(
         {x: -k * x * y, y: x / eps - y / eps + x},
@@ -62,6 +66,7 @@ def test_it_is_the_scene_that_one_would_write_in_slow_time() -> None:
         claims={"limit": {x: -k * x**2}},
         views={"run": View("t", "x", ranges={"t": (EPSILON * SPAN / 4, EPSILON * SPAN)})},
         units={"x": "m"},
+        ramps=ramps,
     )
     assert is_in_fast_time(given.system)
     assert in_slow_time(given) == expected

@@ -1,0 +1,195 @@
+"""What a candidate for a reduction costs and is off by, measured against the full run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from gsp.algebra.laurent import misplaced_epsilon, pole_order
+from gsp.choice.candidates import (
+    GRID_POINTS,
+    INTEGRATION,
+    MEASURABLE,
+    Candidate,
+    ModelKind,
+    Trial,
+    full_candidate,
+    run_model,
+)
+from gsp.choice.choice import Choice, choose
+from gsp.choice.costs import timed
+from gsp.choice.forecast import LAYER_LEFT
+from gsp.errors import GspError
+from gsp.integration.trajectory import Trajectory
+from gsp.reductions.fast_parts import FastPart
+from gsp.reductions.reduction import Reduction
+from gsp.reductions.special_parts import SpecialPart
+from gsp.scenes.scene import Scene
+from gsp.scenes.small_parameter import are_fast_by_themselves, take_fast, take_small, with_bookkeeping
+from gsp.scenes.study import Study
+from gsp.systems.system import VectorField
+
+# Orders of the reduced flows that are measured, those of `choose`: the reduction, and its corrections.
+ORDERS = (0, 1, 2, 3)
+# The error of order 0 is about the ratio of the time scales: above a tenth that is not small.
+LARGEST = 0.1
+# Runs that are compared: far finer than any tolerance.
+RTOL = 1e-10
+
+
+def field_of(scene: Scene) -> VectorField:
+    """The field of a scene without a small parameter, which no system in slow and fast variables is."""
+    assert isinstance(scene.system, VectorField)
+    return scene.system
+
+
+def needed_gap(accuracy: float) -> float:
+    """The gap with which a fast mode falls below its share of the accuracy within the time scale of the next."""
+    return float(np.log(1.0 / (LAYER_LEFT * accuracy)))
+
+
+def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dict[Reduction, Study]:
+    """The candidate with its errors against the full run, an entry for each order, and the study that they come from.
+
+    None where it cannot be reduced.
+    """
+    try:
+        counted, shown = _scenes(scene, part)
+        study = Study(counted)
+        led = _is_led(study)
+        choice = choose(study, orders=ORDERS[:1], fast=led, solve=False)
+        errors = _errors(study, choice)
+        if errors.get(0, float("nan")) <= LARGEST:
+            # Only where something is separated are corrections of use; elsewhere they may run for minutes.
+            choice = choose(study, orders=ORDERS, fast=led, solve=False)
+            errors = _errors(study, choice)
+    except (GspError, NotImplementedError, np.linalg.LinAlgError):
+        return {}
+    full = choice.candidates[-1]
+    found = {}
+    for c in choice.candidates[:-1]:
+        if c.order is None or np.isnan(c.seconds):
+            continue
+        why_not = "" if follows(c) else c.why_not
+        error = errors.get(c.order, float("nan"))
+        if not why_not and 0 not in errors:
+            why_not = "its run does not reach the end with as many steps as the full run calls its field"
+        if not why_not and not errors[0] <= LARGEST:
+            why_not = "to order 0 the error is more than a tenth: nothing is separated"
+        if not why_not and not error <= scene.tolerance:
+            why_not = "the error passes the tolerance"
+        gap = gaps[part.count - 1]
+        if not why_not and gap < needed_gap(scene.tolerance):
+            why_not = (
+                f"the tolerance needs time scales {needed_gap(scene.tolerance):.1f} times apart: {gap:.1f}"
+            )
+        reduction = Reduction(
+            name=part.name, scene=shown, order=c.order, error=error,
+            measured=(scene.span[0] + choice.layer, scene.span[1]),
+            full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=led,
+        )  # fmt: skip
+        found[reduction] = study
+    return found
+
+
+def is_solved(study: Study, gaps: np.ndarray) -> bool:
+    """Whether the flow on the manifold that is solved as boundary-value problems serves."""
+    if gaps[len(study.system.y) - 1] < needed_gap(study.scene.tolerance):
+        return False
+    try:
+        choice = choose(study, orders=ORDERS, fast=_is_led(study))
+    except GspError:
+        return False
+    return any(c.kind is ModelKind.SOLVED and c.valid for c in choice.candidates)
+
+
+def timed_together(scene: Scene, found: Mapping[Reduction, Study]) -> list[Reduction]:
+    """The same, those that serve and the full system timed in turn: measured apart, their costs cannot be compared."""
+    serving = [each for each in found if not each.why_not]
+    if not serving:
+        return list(found)
+    rtol = INTEGRATION * scene.tolerance
+    layer = max(each.measured[0] - scene.span[0] for each in serving)
+    whole, _ = full_candidate(scene.system, scene.start, scene, layer, rtol)
+    *own, full = timed([*(_trial(each, found[each], rtol) for each in serving), whole])
+    costs = iter(own)
+    return [
+        each if each.why_not else replace(each, candidate=next(costs), full_seconds=full.seconds)
+        for each in found
+    ]
+
+
+def _trial(reduction: Reduction, study: Study, rtol: float) -> Trial:
+    """A run of the reduced flow over the span, to be timed; one is made here, so that its code is built."""
+    flow, start = study.reduced(reduction.order, reconstructed=False), study.base_point(reduction.order)
+
+    def again() -> Trajectory:
+        return run_model(flow, start, study.scene, study.scene.span, rtol)
+
+    again()
+    return Trial(reduction.candidate, (again,))
+
+
+def follows(candidate: Candidate) -> bool:
+    """Whether the slow manifold attracts, and the rest follows it, to the end; a region found by a run is no limit."""
+    return candidate.valid or candidate.failure in MEASURABLE
+
+
+def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
+    """The scene with a bookkeeping epsilon, and with a parameter in its place where one divides the fast rates."""
+    fast = part.states
+    if fast is None:
+        made = with_bookkeeping(scene, part.field(field_of(scene)), ())
+        return made, made
+    made = take_fast(scene, variables=[s.name for s in fast])
+    rates = dict(zip(scene.system.states, scene.system.rates))
+    for parameter, value in sorted(scene.system.parameters.items(), key=lambda pair: pair[1]):
+        if (
+            value > 0
+            and all(
+                misplaced_epsilon(rate, parameter) is None and pole_order(rate, parameter) == (state in fast)
+                for state, rate in rates.items()
+            )
+            and are_fast_by_themselves(rates, parameter, fast)
+        ):
+            return made, take_small(scene, parameter=parameter.name)
+    return made, made
+
+
+def _is_led(study: Study) -> bool:
+    """Whether no slow variable takes notice of the fast ones: then these are reduced, as where a clock drives."""
+    return not any(rate.has(*study.system.y) for rate in study.system.f)
+
+
+def _errors(study: Study, choice: Choice) -> dict[int, float]:
+    """The largest relative error of a variable that counts, behind the initial layer, by order.
+
+    Without those whose runs take more steps than the full run calls its field: reducing to them saves nothing.
+    """
+    scene = study.scene
+    first, last = scene.span
+    if not choice.layer < last - first:
+        return {}
+    times = np.linspace(first + choice.layer, last, GRID_POINTS)
+    exact = run_model(study.system, study.start, scene, scene.span, RTOL, at=times)
+    if not exact.status.ok:
+        return {}
+    found = {}
+    for c in choice.candidates:
+        if c.order is None or (c.order and not follows(c)):
+            continue
+        own = run_model(
+            study.reduced(c.order, reconstructed=False),
+            study.base_point(c.order),
+            scene,
+            scene.span,
+            RTOL,
+            at=times,
+            max_steps=exact.stats.field_calls,
+        )
+        if own.status.ok:
+            gaps = [np.abs(own[x] - exact[x]).max() / (np.abs(exact[x]).max() or 1.0) for x in choice.names]
+            found[c.order] = float(max(gaps))
+    return found
