@@ -11,6 +11,7 @@ import sympy as sp
 from click.testing import CliRunner
 
 import gsp
+from gsp import models
 from gsp.cli import cli
 from gsp.scenes.ramp_question import RampQuestion
 from gsp.scenes.scene import Scene
@@ -138,3 +139,38 @@ def test_a_report_says_that_the_field_was_in_fast_time(tmp_path, monkeypatch: py
     assert "given in fast time, over a span of 40." in (tmp_path / "report.tex").read_text(encoding="utf-8")
     content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert (content["span"], content["span_in_fast_time"]) == ([0.0, 0.8], [0.0, 40.0])
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_every_model_is_the_same_system_through_either_door(name: str) -> None:
+    """Written in fast time, t/epsilon, and put into slow time again: the same rates over the same span."""
+    given = models.load(name)
+    if given.contacts is not None:
+        pytest.skip("dry friction is declared by its mechanics")
+    small = given.system.epsilon
+    assert small is not None
+    field = given.system.as_field()
+    rates = {z: sp.expand(small * rate) for z, rate in field.equations.items()}
+    if not any(rate.has(small) for rate in rates.values()):
+        pytest.skip("nothing moves in slow time but what the states drive")
+    faster = given.system.as_field(rates)
+    ends = tuple(t / given.epsilon for t in given.span)
+    asked = replace(
+        given,
+        system=faster,
+        span=ends,
+        reconstruction={},
+        reconstruction_start={},
+        claims={},
+        path=None,
+        views={},
+        units={},
+    )
+    study, own = study_of(asked), study_of(replace(asked, system=field, span=given.span))
+    assert study.given == asked
+    assert study.scene.span == pytest.approx(given.span)
+    assert [s.name for s in study.system.states] == [s.name for s in own.system.states]
+    place = {s: sp.Rational(37 + 11 * i, 100) for i, s in enumerate(study.system.states)}
+    numbers = {**place, **study.system.parameters, small: sp.Rational(1, 50)}
+    for one, two in zip(study.system.rates, own.system.rates):
+        assert complex(one.xreplace(numbers)) == pytest.approx(complex(two.xreplace(numbers)), rel=1e-12)
