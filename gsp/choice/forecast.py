@@ -220,12 +220,12 @@ class SurfaceForecast:
         return np.all([(run[n] >= low) & (run[n] <= high) for n, (low, high) in bounds], axis=0)
 
     def within_region(self, times: np.ndarray, limit: float) -> np.ndarray:
-        """Where (m,) the run is in the scene's region, fast variables and all, as it is asked of reduced flows; all of
-        it is where it is nowhere further out than it may be off, a share `limit` of a side."""
-        inside, whole = (
-            self.forecast.prediction.inside,
-            self._states(np.linspace(self.run.t[0], self.run.t[-1], CHECKS)),
-        )
+        """Where (m,) the run is in the scene's region, fast variables and all, as it is asked of reduced flows.
+
+        All of it is where it is nowhere further out than it may be off: a share `limit` of what errors are relative to.
+        """
+        inside = self.forecast.prediction.inside
+        whole = self._states(np.linspace(self.run.t[0], self.run.t[-1], CHECKS))
         return inside(self.run, self._states(times)) | inside(self.run, whole, within=limit).all()
 
     def _states(self, times: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, wrote
+from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, tell_notes, wrote
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
@@ -34,11 +34,14 @@ def average(
     from gsp import charts
     from gsp.averaging.averaging import average as averaged
     from gsp.comparison.averaged import compare_averaged
+    from gsp.scenes.slow_time import explain_slow_time
 
     if output is not None:
         charts.check_chart_name(output)
     two = None if pair is None else [name.strip() for name in pair.split(",")]
     found = averaged(scene, phase=phase, pair=two, order=order)
+    if found.scene is not None and found.scene.span != scene.span:
+        tell_notes([explain_slow_time(found.scene, scene)])
     with progress_bar("runs") as show:
         measured = compare_averaged(found, progress=show)
     check_interrupt()

@@ -209,9 +209,9 @@ def _list_demos(with_story: tuple[str, ...], as_json: bool) -> None:
 @click.option("--seconds", default=5.0, show_default=True, help="How long the picture moves.")
 def animate(scene: Scene, output: Path | None, view: str | None, seconds: float) -> None:
     """Write a moving picture of MODEL for slides: its path, a view, or its run past the critical manifold."""
-    tell_variables(scene)
     from gsp.demos.animation import animate as make_animation
 
+    tell_variables(scene)
     target = output or Path(f"gsp-{scene.name or 'scene'}.gif")
     with progress_bar("frames") as show:
         make_animation(scene, target, view=view, seconds=seconds, progress=show)

@@ -95,7 +95,7 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
 
 
 def is_solved(study: Study, gaps: np.ndarray) -> bool:
-    """Whether the flow on the manifold that is solved as boundary-value problems serves."""
+    """Whether the flow on the solved manifold serves."""
     if gaps[len(study.system.y) - 1] < needed_gap(study.scene.tolerance):
         return False
     try:

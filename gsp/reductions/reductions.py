@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.choice.candidates import (
-    GRID_POINTS,
-)
+from gsp.choice.candidates import GRID_POINTS
 from gsp.choice.choice import Choice
 from gsp.choice.costs import Cost, cost_beside
 from gsp.choice.verdict import seconds_shown
@@ -35,9 +33,7 @@ from gsp.results.card import Card
 from gsp.scales.small_parameter import SmallParameter
 from gsp.scales.time_scales import TimeScales, time_scales
 from gsp.scenes.scene import Scene
-from gsp.scenes.small_parameter import (
-    without_small,
-)
+from gsp.scenes.small_parameter import without_small
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_noun, check_progress
 from gsp.systems.tolerances import absolute_tolerance

@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.laurent import laurent
-from gsp.choice.candidates import GRID_POINTS
+from gsp.choice.candidates import GRID_POINTS, LARGEST_LAYER
 from gsp.choice.forecast import LAYER_LEFT
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -127,7 +127,7 @@ def _error(scene: Scene, run: Trajectory, small: SmallParameter) -> float:
     felt = np.flatnonzero(away > LAYER_LEFT * scene.tolerance)
     begun = first if not felt.size else float(landing.t[min(felt[-1] + 1, len(landing.t) - 1)])
     # As of any candidate: what is told behind a longer layer is told of the end of the run.
-    if not begun - first <= 0.5 * (last - first):
+    if not begun - first <= LARGEST_LAYER * (last - first):
         return float("inf")
     times = np.linspace(begun, last, GRID_POINTS)
     exact, kept = run.sample(times), own.sample(times)

@@ -32,8 +32,7 @@ def in_slow_time(scene: Scene) -> Scene:
     system = scene.system
     assert isinstance(system, VectorField)
     assert system.epsilon is not None
-    changes = told_in_slow_time(scene, system.epsilon, scene.epsilon)
-    return replace(scene, system=divided(system), **(changes | {"phase": scene.phase, "ramps": scene.ramps}))
+    return replace(scene, system=divided(system), **told_in_slow_time(scene, system.epsilon, scene.epsilon))
 
 
 def explain_slow_time(scene: Scene, before: Scene) -> str:
@@ -65,6 +64,4 @@ def told_in_slow_time(scene: Scene, symbol: sp.Symbol, value: float) -> dict[str
         "claims": {name: each(rates) for name, rates in scene.claims.items()},
         "units": {name: unit for name, unit in scene.units.items() if name != TIME},
         "views": {name: slower(view) for name, view in scene.views.items()},
-        "ramps": {},
-        "phase": None,
     }

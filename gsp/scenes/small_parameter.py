@@ -71,7 +71,8 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
             value=name,
         )
     has_pole = any(divides(rate, symbol) for rate in system.rates)
-    changes = {} if has_pole else told_in_slow_time(plain, symbol, value)
+    # In another time the rates of ramps would be others.
+    changes = {} if has_pole else told_in_slow_time(plain, symbol, value) | {"ramps": {}}
     rates = {state: rate / symbol if changes else rate for state, rate in zip(system.states, system.rates)}
     field = VectorField(
         rates,

@@ -76,7 +76,7 @@ class Study(Card):
     """A scene made ready: its stages are computed when they are first read, and kept.
 
     `splitting` is None when the scene is declared in standard form. `start` and `region` are those of the scene in the
-    coordinates of `system`; `branch` is the one nearest to the start within the region, its sheet fixed. Reading a
+    coordinates of `system`; `branch` is the one to which the start belongs, its sheet fixed. Reading a
     stage raises what the stage raises: `SplittingError` where the field stays non-standard, `BranchError` where no
     branch passes, `DeclarationError` when the region does not bound every raw state that a slow coordinate is made of.
     A scene whose field has switches phi(s/epsilon) is kept in the variables in which they are fast, and `switches` says

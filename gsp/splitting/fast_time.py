@@ -16,7 +16,7 @@ def is_in_fast_time(system: SlowFastSystem | VectorField) -> bool:
         and epsilon is not None
         and any(rate.has(epsilon) for rate in system.rates)
         and all(misplaced_epsilon(rate, epsilon) is None for rate in system.rates)
-        and not any(divides(rate, epsilon) for rate in system.rates)
+        and not any(pole_order(rate, epsilon) for rate in system.rates)
     )
 
 

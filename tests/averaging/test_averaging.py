@@ -376,3 +376,14 @@ def test_a_field_in_fast_time_is_divided_by_epsilon() -> None:
     found = gsp.average(scene)
     assert found.scene is not None
     assert found.scene.span == (0.0, 5.0)
+
+
+def test_the_command_line_says_that_time_is_slow(tmp_path: Path) -> None:
+    scene = gsp.Scene(
+        gsp.VectorField({u: v, v: -u + epsilon * (1 - u**2) * v}, epsilon=epsilon),
+        {"u": (-3, 3)}, {"u": 1, "v": 0}, (0, 50), 0.1, phase=gsp.FastPhase(pair=("u", "v")),
+    )  # fmt: skip
+    gsp.save(scene, tmp_path / "model.toml")
+    done = CliRunner().invoke(cli, ["average", str(tmp_path / "model.toml"), "--order", "0"])
+    assert done.exit_code == 0, done.output
+    assert "the span 50 becomes 5" in done.output
