@@ -99,7 +99,7 @@ def test_scales_are_told_along_the_run_and_for_the_parameters_that_may_vanish() 
     assert errors == sorted(errors)
     assert errors[0] < 0.1
     assert (
-        f"error at these values over t = 0 to 5: {errors[0]:.2g}"
+        f"error at these values behind the layer, to t = 5: {errors[0]:.2g}"
         in run("scales", "michaelis_menten", "--parameters").output
     )
 

@@ -30,6 +30,9 @@ PIECE = 0.15
 # Errors over the span are looked at on so many times.
 GRID_POINTS = 97
 MAX_STEPS = 1_000_000
+# Failures that a measurement over the whole span goes before: those of what is predicted, and of a region that a run
+# found.
+MEASURABLE = (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
 
 
 class ModelKind(StrEnum):
@@ -50,7 +53,7 @@ class Candidate:
     extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
     `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
     predicted error of the full system is that of its integrator. A model that was not looked at has nan. Where a full
-    run over the span was made anyway the error is that against it: `is_measured`.
+    run over the span was made, for nothing else tells the error, it is that against it: `is_measured`.
     """
 
     kind: ModelKind
@@ -75,6 +78,11 @@ class Candidate:
     def remark(self) -> str:
         """Why it does not serve, or that its error was measured; empty where it serves as predicted."""
         return "measured over the span" if self.is_measured and self.valid else self.why_not
+
+    @property
+    def follows(self) -> bool:
+        """Whether the rest follows an attracting slow manifold to the end; a region found by a run is no limit."""
+        return self.valid or self.failure in MEASURABLE
 
     @property
     def label(self) -> str:
@@ -218,15 +226,10 @@ def _held(surface: SurfaceForecast, times: np.ndarray, limit: float) -> float:
     return float(times[max(int(np.argmin(np.append(good, False))) - 1, 0)])
 
 
-# Failures that a measurement over the whole span goes before: those of what is predicted, and of a region that a run
-# found.
-MEASURABLE = (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
-
-
 def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
     """The trial with its error over the span, which was measured: it goes before what is predicted of it."""
     candidate = trial.candidate
-    if not (candidate.valid or candidate.failure in MEASURABLE):
+    if not candidate.follows:
         return trial
     serves = error <= scene.tolerance
     found = replace(

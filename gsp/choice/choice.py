@@ -28,6 +28,7 @@ from gsp.choice.candidates import (
 )
 from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import Forecast, SurfaceForecast, forecast_of
+from gsp.choice.measured_errors import measured_where_untold
 from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure
 from gsp.choice.verdict import Evidence, Verdict, in_words, judge, seconds_shown, serving_of
 from gsp.errors import NO_REASON, DeclarationError, GspError
@@ -176,7 +177,10 @@ def choose(
     trials = [t if e is None else measured_candidate(t, e, scene) for t, e in zip(trials, known)]
     reference = _reference(forecast, scene, piece)
     trials = [_beside(trial, forecast, None, scene, piece, reference) for trial in trials]
+    names = _compared(scene, forecast)
     surface = None
+    if forecast:
+        trials = measured_where_untold(trials, forecast, names)
     if forecast and solve:
         solved, surface = solved_candidate(forecast, [trial.candidate for trial in trials], scene, rtol)
         trials.append(_beside(solved, forecast, surface, scene, piece, reference))
@@ -186,7 +190,6 @@ def choose(
         astray = f"{forecast.astray[:1].upper()}{forecast.astray[1:]}."
         ending = astray if forecast.astray else study.why_shorter(max(valid_orders) + 1)
     model, partial = select(full, reduced, scene.span)
-    names = _compared(scene, forecast)
     serving = serving_of(model, reduced)
     fast_error, layer_error = _fast_errors(serving, forecast, surface, gone)
     fast_measured = None

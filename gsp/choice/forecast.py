@@ -242,7 +242,7 @@ def _between(times: np.ndarray) -> np.ndarray:
 
 def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
     """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""
-    begun = time.perf_counter()
+    clock = time.perf_counter()
     branch, prediction = forecast.study.branch, forecast.prediction
     # The start's fibre is over the box too. A series of high order may end early, or err by more than the margin: all
     # runs that come furthest are covered.
@@ -250,13 +250,17 @@ def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
     guides = [
         run.sample(_between(run.t)) for k, run in prediction.runs.items() if prediction.covered(k) == furthest
     ]
-    region = {}
+    tolerance = max(EXACTER * scene.tolerance, SMALLEST_RTOL)
+    region, least = {}, {}
     for s in forecast.study.system.x:
-        places = np.concatenate([[forecast.study.start[s.name]], *(run[s.name] for run in guides)])
-        low, high = float(places.min()), float(places.max())
+        ranges = np.array([[run[s.name].min(), run[s.name].max()] for run in guides])
+        begun = forecast.study.start[s.name]
+        low, high = float(min(begun, ranges[:, 0].min())), float(max(begun, ranges[:, 1].max()))
         margin = MARGIN * ((high - low) or 1.0)
         region[s.name] = (low - margin, high + margin)
-    tolerance = max(EXACTER * scene.tolerance, SMALLEST_RTOL)
+        # Beyond the runs by as much as these differ among themselves.
+        lower, upper = np.ptp(ranges, axis=0) + tolerance * (high - low)
+        least[s.name] = (max(low - lower, low - margin), min(high + upper, high + margin))
     # What would be too large to run on is not solved for, which may take a thousand times as long.
     size = resting_coefficients(branch, region=region, tolerance=tolerance, enough=LARGEST_SIZE)
     if size > LARGEST_SIZE:
@@ -266,12 +270,20 @@ def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
             limit=LARGEST_SIZE,
         )
     manifold = solve_manifold(branch, region=region, epsilon=scene.epsilon, tolerance=tolerance)
+    if manifold.surface is None and least != region:
+        # The sheet may end within the margin.
+        manifold = solve_manifold(branch, region=least, epsilon=scene.epsilon, tolerance=tolerance)
     if manifold.surface is None:
         raise HyperbolicityError(manifold.message)
     flow = flow_on(manifold)
     _ = compile_flow(flow).field
-    start = project(manifold, forecast.study.start, epsilon=scene.epsilon, numeric=True)
-    preparation = time.perf_counter() - begun
+    try:
+        start = project(manifold, forecast.study.start, epsilon=scene.epsilon, numeric=True)
+    except HyperbolicityError:
+        if manifold.status.ok:
+            raise
+        raise HyperbolicityError(manifold.message) from None
+    preparation = time.perf_counter() - clock
     rtol = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
     atol = absolute_tolerance(rtol, scene.region, scene.start)
     off = {name: value + start.errors[name] for name, value in start.items()}

@@ -81,10 +81,13 @@ def judge(evidence: Evidence) -> Verdict:
     """The verdict on a scene for the model that was chosen."""
     *reduced, full = evidence.candidates
     scene, model, partial = evidence.scene, evidence.model, evidence.partial
-    promised = (
-        f"a relative error of {scene.tolerance:g} over t = {scene.span[0]:.4g} to {scene.span[1]:.4g} "
-        f"at {scene.system.epsilon} = {scene.epsilon:g}"
-    )
+
+    def promised(begin: float) -> str:
+        return (
+            f"a relative error of {scene.tolerance:g} over t = {begin:.4g} to {scene.span[1]:.4g} "
+            f"at {scene.system.epsilon} = {scene.epsilon:g}"
+        )
+
     if not reduced:
         why = _sentence(f"it cannot be reduced here: {evidence.obstacle}")
         return Verdict(Answer.NO, why, "" if full.valid else f"The full system {full.why_not}.")
@@ -93,7 +96,7 @@ def judge(evidence: Evidence) -> Verdict:
         cost = cost_beside(shown, full) if full.valid else Cost.LESS
         return Verdict(
             _ALLOWED[cost],
-            f"{in_words(shown)} stays within {promised}. {_off(shown, evidence)}",
+            f"{in_words(shown)} stays within {promised(scene.span[0] + evidence.layer)}. {_off(shown, evidence)}",
             _speed(shown, full, cost),
             "" if cost is Cost.LESS else "The reduction gives a formula; to compute runs, use the full system.",
         )
@@ -104,12 +107,13 @@ def judge(evidence: Evidence) -> Verdict:
     nearest = _nearest(reduced)
     if partial is not None and (nearest.order is not None or nearest.holds_until <= partial.holds_until):
         nearest = partial
+    whole = promised(scene.span[0])
     accuracy = (
-        f"no reduced model stays within {promised}. The nearest is {in_words(nearest)}, but {nearest.why_not}."
+        f"no reduced model stays within {whole}. The nearest is {in_words(nearest)}, but {nearest.why_not}."
     )
     if nearest.failure is Failure.UNTOLD:
         accuracy = (
-            f"no reduced model is known to stay within {promised}. For {in_words(nearest)} {nearest.why_not}."
+            f"no reduced model is known to stay within {whole}. For {in_words(nearest)} {nearest.why_not}."
         )
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     if partial is None:

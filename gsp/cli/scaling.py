@@ -140,7 +140,7 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
             tell(f"    {state}' = {rate}")
         if each.error is not None and isfinite(each.error):
             click.echo(
-                f"    error at these values over t = {scene.span[0]:g} to {scene.span[1]:g}: {each.error:.2g}"
+                f"    error at these values behind the layer, to t = {scene.span[1]:g}: {each.error:.2g}"
             )
     if not useful:
         tell("No parameter of this model may be called small.")

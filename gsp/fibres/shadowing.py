@@ -106,6 +106,7 @@ class _Shadowing:
         self.start = given / self.units
         branch = problem.branch.moved_into(self.units[:n])
         y_units = self.units[nx:n]
+        self.surface = surface
         self.height = _height(branch, epsilon, landing.point / y_units, surface, (self.units[:nx], y_units))
         given_rates = dict(zip(problem.driven, problem.driven_rates))
         driven_rates = in_units(given_rates, dict(zip(self.states, self.units)))
@@ -157,23 +158,32 @@ class _Shadowing:
         values, errors = (
             {s.name: float(v) for s, v in zip(self.problem.slow, part * units)} for part in (first, estimates)
         )
+        if self.surface is not None:
+            # Refuses a base point off its piece.
+            self.surface.evaluate(np.array([values[s.name] for s in self.problem.system.x]))
         return Shadow(self.problem.start, values, errors, float(run.t[times[0]]), Status.SUCCESS)
 
     def _landed(self, run: Trajectory) -> tuple[int, int, float] | None:
         """Indices of two times at which the run is on the slow manifold, having stayed there, and its distance at the
         first (or the error of h); None when it ends before.
 
-        A run that leaves again, at a fold say, may come back later to the same sheet; that is not this fibre.
+        A run that leaves again, at a fold say, may come back later to the same sheet; that is not this fibre. Where it
+        leaves the solved piece before, they are the last two on it, and what is left of the layer is the distance.
         """
         system = self.problem.system
         x, y, _ = np.split(run.y.T, [len(system.x), len(system.states)], axis=1)
-        over, left = None, 0.0
-        for i in range(len(run.t)):
+        over, last, left, distance = None, None, 0.0, 0.0
+        for i, covered in enumerate(self._covers(x)):
+            if not covered and last is None:
+                continue
+            if not covered:
+                # Of what is left of the layer the distance tells.
+                return (last, last - 1, distance) if over in (None, last) else (over, last, left)
             try:
                 h, error = self.height(x[i : i + 1])
             except BranchError as reason:
                 raise BranchError(f"{self._leaving(run, i)} {reason}") from None
-            distance = float(np.linalg.norm(y[i] - h[0]))
+            last, distance = i, float(np.linalg.norm(y[i] - h[0]))
             limit = max(NEAR * (1.0 + float(np.linalg.norm(h))), NEAR_ERRORS * error)
             if over is None and distance <= limit:
                 over, left = i, max(distance, error)
@@ -187,6 +197,14 @@ class _Shadowing:
         if not run.status.ok:
             raise BranchError(f"{self._leaving(run, len(run.t) - 1)} It {run.message}.")
         return None
+
+    def _covers(self, x: np.ndarray) -> np.ndarray:
+        """Which of the places x (m, n_slow), in units, a solved manifold covers; without one all."""
+        if self.surface is None:
+            return np.ones(len(x), dtype=bool)
+        bounds = np.array([self.surface.region[s.name] for s in self.problem.system.x])
+        places = x * self.units[: x.shape[1]]
+        return ((places >= bounds[:, 0]) & (places <= bounds[:, 1])).all(axis=1)
 
     def _leaving(self, run: Trajectory, i: int) -> str:
         return (
@@ -214,7 +232,13 @@ def _height(
     x_units, y_units = units
     if surface is not None:
         error = float((surface.error_estimates / y_units).max())
-        return lambda x: (np.atleast_2d(surface.evaluate(x * x_units)) / y_units, error)
+        low, high = np.array([surface.region[s.name] for s in branch.system.x]).T
+
+        def solved(x: np.ndarray) -> tuple[np.ndarray, float]:
+            # Iterates on the way back may come off the piece; where they end is looked at.
+            return np.atleast_2d(surface.evaluate(np.clip(x * x_units, low, high))) / y_units, error
+
+        return solved
     guess = None if branch.is_explicit or branch.seed is not None else near
 
     def pointwise(x: np.ndarray) -> tuple[np.ndarray, float]:

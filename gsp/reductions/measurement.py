@@ -9,18 +9,16 @@ import numpy as np
 
 from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.choice.candidates import (
-    GRID_POINTS,
     INTEGRATION,
-    MEASURABLE,
-    Candidate,
     ModelKind,
     Trial,
     full_candidate,
     run_model,
 )
-from gsp.choice.choice import Choice, choose
+from gsp.choice.choice import choose
 from gsp.choice.costs import timed
 from gsp.choice.forecast import LAYER_LEFT
+from gsp.choice.measured_errors import RTOL, measured_errors
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory
 from gsp.reductions.fast_parts import FastPart
@@ -35,8 +33,6 @@ from gsp.systems.system import VectorField
 ORDERS = (0, 1, 2, 3)
 # The error of order 0 is about the ratio of the time scales: above a tenth that is not small.
 LARGEST = 0.1
-# Runs that are compared: far finer than any tolerance.
-RTOL = 1e-10
 
 
 def field_of(scene: Scene) -> VectorField:
@@ -58,13 +54,13 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
     try:
         counted, shown = _scenes(scene, part)
         study = Study(counted)
-        led = _is_led(study)
-        choice = choose(study, orders=ORDERS[:1], fast=led, solve=False)
-        errors = _errors(study, choice)
+        counted = _counts_fast(study)
+        choice = choose(study, orders=ORDERS[:1], fast=counted, solve=False)
+        errors = measured_errors(study, choice.candidates, choice.names, choice.layer)
         if errors.get(0, float("nan")) <= LARGEST:
             # Only where something is separated are corrections of use; elsewhere they may run for minutes.
-            choice = choose(study, orders=ORDERS, fast=led, solve=False)
-            errors = _errors(study, choice)
+            choice = choose(study, orders=ORDERS, fast=counted, solve=False)
+            errors = measured_errors(study, choice.candidates, choice.names, choice.layer)
     except (GspError, NotImplementedError, np.linalg.LinAlgError):
         return {}
     full = choice.candidates[-1]
@@ -72,7 +68,7 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
     for c in choice.candidates[:-1]:
         if c.order is None or np.isnan(c.seconds):
             continue
-        why_not = "" if follows(c) else c.why_not
+        why_not = "" if c.follows else c.why_not
         error = errors.get(c.order, float("nan"))
         if not why_not and 0 not in errors:
             why_not = "its run does not reach the end with as many steps as the full run calls its field"
@@ -88,7 +84,7 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         reduction = Reduction(
             name=part.name, scene=shown, order=c.order, error=error,
             measured=(scene.span[0] + choice.layer, scene.span[1]),
-            full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=led,
+            full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=counted,
         )  # fmt: skip
         found[reduction] = study
     return found
@@ -99,7 +95,7 @@ def is_solved(study: Study, gaps: np.ndarray) -> bool:
     if gaps[len(study.system.y) - 1] < needed_gap(study.scene.tolerance):
         return False
     try:
-        choice = choose(study, orders=ORDERS, fast=_is_led(study))
+        choice = choose(study, orders=ORDERS, fast=_counts_fast(study))
     except GspError:
         return False
     return any(c.kind is ModelKind.SOLVED and c.valid for c in choice.candidates)
@@ -132,11 +128,6 @@ def _trial(reduction: Reduction, study: Study, rtol: float) -> Trial:
     return Trial(reduction.candidate, (again,))
 
 
-def follows(candidate: Candidate) -> bool:
-    """Whether the slow manifold attracts, and the rest follows it, to the end; a region found by a run is no limit."""
-    return candidate.valid or candidate.failure in MEASURABLE
-
-
 def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
     """The scene with a bookkeeping epsilon, and with a parameter in its place where one divides the fast rates."""
     fast = part.states
@@ -158,38 +149,15 @@ def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
     return made, made
 
 
-def _is_led(study: Study) -> bool:
-    """Whether no slow variable takes notice of the fast ones: then these are reduced, as where a clock drives."""
-    return not any(rate.has(*study.system.y) for rate in study.system.f)
+def _counts_fast(study: Study) -> bool:
+    """Whether the errors of the fast variables count, for those of the slow ones say nothing.
 
-
-def _errors(study: Study, choice: Choice) -> dict[int, float]:
-    """The largest relative error of a variable that counts, behind the initial layer, by order.
-
-    Without those whose runs take more steps than the full run calls its field: reducing to them saves nothing.
+    Where no slow variable takes notice of the fast ones, as where a clock drives, and where none moves by a tenth of
+    its value: that a sum which is all but conserved stays where it is tells nothing of a reduction.
     """
+    if not any(rate.has(*study.system.y) for rate in study.system.f):
+        return True
     scene = study.scene
-    first, last = scene.span
-    if not choice.layer < last - first:
-        return {}
-    times = np.linspace(first + choice.layer, last, GRID_POINTS)
-    exact = run_model(study.system, study.start, scene, scene.span, RTOL, at=times)
-    if not exact.status.ok:
-        return {}
-    found = {}
-    for c in choice.candidates:
-        if c.order is None or (c.order and not follows(c)):
-            continue
-        own = run_model(
-            study.reduced(c.order, reconstructed=False),
-            study.base_point(c.order),
-            scene,
-            scene.span,
-            RTOL,
-            at=times,
-            max_steps=exact.stats.field_calls,
-        )
-        if own.status.ok:
-            gaps = [np.abs(own[x] - exact[x]).max() / (np.abs(exact[x]).max() or 1.0) for x in choice.names]
-            found[c.order] = float(max(gaps))
-    return found
+    run = run_model(study.reduced(0, reconstructed=False), study.base_point(0), scene, scene.span, RTOL)
+    names = [s.name for s in study.system.x]
+    return all(np.ptp(run[name]) <= LARGEST * np.abs(run[name]).max() for name in names)

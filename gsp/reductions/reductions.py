@@ -11,6 +11,7 @@ import numpy as np
 from gsp.choice.candidates import GRID_POINTS
 from gsp.choice.choice import Choice
 from gsp.choice.costs import Cost, cost_beside
+from gsp.choice.measured_errors import RTOL
 from gsp.choice.verdict import seconds_shown
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -18,9 +19,7 @@ from gsp.reductions.fast_directions import fast_directions
 from gsp.reductions.fast_parts import FastPart, fast_parts
 from gsp.reductions.measurement import (
     LARGEST,
-    RTOL,
     field_of,
-    follows,
     is_solved,
     measure,
     needed_gap,
@@ -132,7 +131,7 @@ class Reductions(Card):
 
     def shown(self) -> Iterator[Reduction]:
         """Of each candidate the reduction itself, and the lowest order that serves; where none does, the nearest."""
-        followed = [each for each in self.found if follows(each.candidate) and np.isfinite(each.error)]
+        followed = [each for each in self.found if each.candidate.follows and np.isfinite(each.error)]
         best: dict[str, Reduction] = {}
         for each in sorted(followed, key=lambda r: (bool(r.why_not), r.error if r.why_not else r.order)):
             best.setdefault(each.name, each)
@@ -263,7 +262,7 @@ def _screened(
 
 def _nearest(found: Iterable[Reduction]) -> Reduction | None:
     """The reduction of order 0 that is least in error, where that is small."""
-    errors = [each for each in found if each.order == 0 and each.error <= LARGEST and follows(each.candidate)]
+    errors = [each for each in found if each.order == 0 and each.error <= LARGEST and each.candidate.follows]
     return min(errors, key=lambda each: each.error, default=None)
 
 
@@ -285,12 +284,14 @@ def _reason(
 ) -> str:
     over = f"over t = {scene.span[0]:g} to {scene.span[1]:g}"
     if recommended is not None:
+        begin, end = recommended.measured
         return (
-            f"What may be left out: the {recommended.name}, to order {recommended.order}; its error {over} is "
+            f"What may be left out: the {recommended.name}, to order {recommended.order}; its error over "
+            f"t = {begin:.4g} to {end:.4g} is "
             f"{recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
         )
     if nearest is not None:
-        corrected = [e for e in found if e.name == nearest.name and e.order and follows(e.candidate)]
+        corrected = [e for e in found if e.name == nearest.name and e.order and e.candidate.follows]
         best = min(corrected, key=lambda each: each.error, default=nearest)
         further = f", and {best.error:.2g} to order {best.order}" if best.error < nearest.error else ""
         if solved:

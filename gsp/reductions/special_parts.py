@@ -101,7 +101,12 @@ def with_errors(
 
 def _error(scene: Scene, run: Trajectory, small: SmallParameter) -> float:
     first, last = scene.span
-    reduced, epsilon = small.reduced_field, small.epsilon
+    try:
+        reduced = small.reduced_field
+    except GspError:
+        # At the scene's own values a rate of the reduction divides by 0.
+        return float("inf")
+    epsilon = small.epsilon
     layer = VectorField(
         {z: laurent(rate, epsilon, order=-1).get(-1, sp.S.Zero) for z, rate in small.field.equations.items()},
         parameters=small.original.parameters,

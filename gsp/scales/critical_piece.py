@@ -43,7 +43,9 @@ class CriticalPiece:
 
     @property
     def is_in_domain(self) -> bool:
-        """Whether functions of states have values on it: exp(-E/T) has none on T = 0."""
+        """Whether the field has values on it: F_1 = 1/x and exp(-E/T) have none on x = 0 and on T = 0."""
+        if any(self._vanishes(below) for _, below in self.ray.drift):
+            return False
         field, graph = self.whole.field, self.graph
         if graph is None or not self.whole.has_functions:
             return True
@@ -59,6 +61,9 @@ class CriticalPiece:
         top, left = self._restrict(fraction[0])
         below, right = self._restrict(fraction[1])
         return self._element(top * right, below * left)
+
+    def _vanishes(self, polynomial: Polynomial) -> bool:
+        return RingElement(self.whole.ring, self._restrict(polynomial)[0], ()).reduced().is_zero
 
     def _restrict(self, polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
         """Top and denominator on the piece, within the ring's budget."""

@@ -565,6 +565,40 @@ def test_a_series_that_ends_early_does_not_keep_the_manifold_from_being_solved()
     assert choice.candidates[4].valid
 
 
+def test_the_solved_manifold_serves_a_span_that_is_shorter_than_its_layer_to_rounding() -> None:
+    # The run from the start is off the piece under the reduced runs before its layer is below rounding.
+    asked = scene(
+        *(1 + y / 2, -y + sp.sin(10 * x) / 2),
+        **{
+            "region": {"x": (-1, 2), "y": (-2, 2)},
+            "start": {"x": 0, "y": 0.6},
+            "span": (0, 0.3),
+            "epsilon": 0.02,
+        },
+        tolerance=1e-4,
+    )
+    solved = choose(asked, orders=(0, 1)).candidates[2]
+    assert solved.kind is ModelKind.SOLVED
+    assert solved.valid, solved.why_not
+
+
+def test_a_sheet_that_ends_within_the_margin_is_solved_under_the_runs() -> None:
+    # y = sqrt(x), from x = 1/10 to 19: a twentieth of that before the start the sheet is gone.
+    asked = scene(
+        *(1 + sp.Rational(1, 100) * y, x - y**2),
+        **{
+            "region": {"x": (-2, 25), "y": (0, 6)},
+            "start": {"x": 0.5, "y": 0.7},
+            "span": (0, 18),
+            "epsilon": 0.02,
+        },
+        tolerance=1e-6,
+    )
+    solved = choose(asked, orders=(0,)).candidates[1]
+    assert solved.kind is ModelKind.SOLVED
+    assert solved.valid, solved.why_not
+
+
 def test_a_surface_in_machine_code_is_the_interpolant() -> None:
     asked = models.load("koper")
     branch = study_of(asked).branch

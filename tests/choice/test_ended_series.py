@@ -13,8 +13,9 @@ from click.testing import CliRunner
 
 from gsp import load, models
 from gsp.analysis.analysis import analyse
-from gsp.choice.candidates import ModelKind
+from gsp.choice.candidates import ModelKind, reduced_candidate
 from gsp.choice.choice import choose
+from gsp.choice.forecast import forecast_of
 from gsp.choice.prediction import Failure
 from gsp.choice.simulation import simulate
 from gsp.choice.verdict import Answer
@@ -110,9 +111,14 @@ def test_a_single_order_ahead_that_does_not_differ_tells_nothing(ends) -> None:
     scene = Scene(system, {"x": (-2, 2)}, {"x": 1, "y": 0.5}, (0, 2), 0.01, (0.02, 0.01), 1e-4)
     assert choose(scene, orders=(0,), solve=False).candidates[0].valid
     ends(1)
-    found = choose(scene, orders=(0,), solve=False).candidates[0]
+    found = reduced_candidate(forecast_of(scene, (0,)), 0, scene, 1e-5).candidate
     assert found.failure is Failure.UNTOLD
     assert found.why_not.startswith("nothing tells its error: the term of order 1 moves the run by no more")
+    # Then it is measured, and is that of two runs of one flow.
+    measured = choose(scene, orders=(0,), solve=False).candidates[0]
+    assert measured.valid
+    assert measured.is_measured
+    assert measured.predicted < 1e-8
 
 
 def test_the_solved_manifold_serves_where_no_order_tells_its_error(ends) -> None:

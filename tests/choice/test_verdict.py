@@ -51,6 +51,7 @@ def test_accuracy_is_told_apart_from_speed() -> None:
     found = verdict_of(one, one, FULL)
     assert found.answer is Answer.YES
     assert "order 1 stays within a relative error of 1e-05 over t = 0 to 1 at epsilon = 0.01" in found.accuracy
+    assert "over t = 0.1 to 1 at" in verdict_of(one, one, FULL, layer=0.1).accuracy
     assert "3.0e-06" in found.accuracy
     assert "fast" not in found.accuracy
     assert "5 times as fast: 10 us a run against 50 us" in found.speed

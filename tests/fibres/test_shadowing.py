@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ import sympy as sp
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
-from gsp.errors import BranchError, Status, UnsupportedFunctionError
+from gsp.errors import BranchError, GspError, Status, UnsupportedFunctionError
 from gsp.fibres import shadowing
 from gsp.fibres.base_points import project
 from gsp.fibres.shadowing import NEAR, shadow
+from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
 
 x, y, q, eps = sp.symbols("x y q epsilon")
@@ -67,6 +69,7 @@ class Surface:
     """The manifold y = x/2, off by what it says."""
 
     error_estimates = np.array([1e-6])
+    region = MappingProxyType({"x": (-9.0, 9.0)})
 
     @staticmethod
     def evaluate(points: np.ndarray) -> np.ndarray:
@@ -131,3 +134,28 @@ def test_a_run_that_leaves_again_and_comes_back_has_not_landed(away: float, monk
     else:
         first, second, _ = asked._landed(run)
         assert (first, second) == (1, 7)
+
+
+@pytest.mark.parametrize("end", [8, 16, 40])
+def test_a_solved_piece_that_the_run_leaves_before_its_layer_is_over_gives_what_it_can(end: int) -> None:
+    """x' = 1 + y/2 from x = 0 leaves [-1, end layer times]: what is left of the layer then is the error."""
+    epsilon = 0.01
+    system = SlowFastSystem(slow={x: 1 + y / 2}, fast={y: -y + sp.sin(x)}, epsilon=eps)
+    (branch,) = solve_critical(system).branches
+    start = {"x": 0.0, "y": 1.0}
+    exact = shadow(branch, start, epsilon=epsilon, reconstruction={})
+    piece = solve_manifold(branch, region={"x": (-1, end * epsilon)}, epsilon=epsilon, tolerance=1e-12)
+    found = shadow(branch, start, epsilon=epsilon, reconstruction={}, surface=piece)
+    assert abs(found.values["x"] - exact.values["x"]) <= found.errors["x"] + exact.errors["x"]
+    assert found.time <= end * epsilon
+    # The layer moves x by epsilon/2 of its height.
+    assert found.errors["x"] <= 2 * max(epsilon * np.exp(-found.time / epsilon), 1e-11)
+
+
+def test_a_base_point_off_the_solved_piece_is_refused() -> None:
+    """The layer takes x from 0 to 1/10, and the piece begins at 1/5, where the run comes onto it later."""
+    system = SlowFastSystem(slow={x: 10 * y + 1}, fast={y: -y}, epsilon=eps)
+    (branch,) = solve_critical(system).branches
+    piece = solve_manifold(branch, region={"x": (0.2, 1)}, epsilon=0.01, tolerance=1e-12)
+    with pytest.raises(GspError, match=r"covers x in \[0.2, 1\]"):
+        shadow(branch, {"x": 0.0, "y": 1.0}, epsilon=0.01, reconstruction={}, surface=piece)

@@ -615,3 +615,27 @@ def test_a_region_that_a_run_found_is_no_limit_in_the_verdict_either(monkeypatch
     (own,) = (c for c in choose(found.study).candidates if c.order == 0)
     assert own.valid
     assert own.predicted == first.error
+
+
+def test_a_sum_that_is_all_but_conserved_is_no_reduced_model() -> None:
+    """Dengue over two years: the people p = S + I + R stay, and the epidemic, which all of it is about, is no layer."""
+    rates = {
+        "S": "mu - b*m*S*V + w*R - mu*S",
+        "I": "b*m*S*V - g*I",
+        "R": "g*I - w*R - mu*R",
+        "V": "b*(1 - V)*I - nu*V",
+    }
+    values = {"mu": "1/25000", "b": 0.35, "nu": "1/7", "m": 2, "g": "1/6", "w": "1/700"}
+    found = find_reductions(scene(rates, values, {"S": 0.5, "I": 0.001, "R": 0.499, "V": 0.001}, 700))
+    assert found.recommended is None
+    assert not found.solved
+
+
+def test_the_error_is_told_over_what_it_was_measured_on() -> None:
+    given = {"x": "-x", "y": "20*(x - y)"}
+    found = find_reductions(scene(given, {}, {"x": 1, "y": 3}, 2))
+    assert found.recommended is not None
+    assert found.recommended.counts_fast
+    begin, end = found.recommended.measured
+    assert begin > 0.1
+    assert f"its error over t = {begin:.4g} to {end:.4g} is {found.recommended.error:.2g}" in found.reason

@@ -50,3 +50,10 @@ def test_behind_a_layer_of_more_than_half_the_span_nothing_is_told() -> None:
         found = errors(rates, {a: 0.01, b: 0.5}, {"u": 1, "v": 0}, end)["a",]
         assert found is not None
         assert np.isfinite(found) is np.bool_(told)
+
+
+def test_a_reduction_that_divides_by_zero_at_the_own_values_is_not_told() -> None:
+    """Where b v = u the rates leave u' = a u/(a - b): a = b is no such place, and no error is told there."""
+    rates = {u: -u, v: (a * v - b * v + u) * 50 * b}
+    found = errors(rates, {a: 1, b: 1}, {"u": 1, "v": 1}, 5)
+    assert all(error is None or not np.isfinite(error) for error in found.values())

@@ -11,6 +11,7 @@ from gsp.algebra.elimination_over_rationals import generic_point
 from gsp.errors import BudgetError, DeclarationError, Status
 from gsp.scales import small_parameter, special_values
 from gsp.scales.special_values import small_parameters
+from gsp.systems.system import VectorField
 from tests.scales.fields import (
     H,
     alpha,
@@ -131,6 +132,19 @@ def test_a_manifold_on_which_a_function_has_no_value_is_none() -> None:
     rates = [rate for each in found for rate in each.reduced.values()]
     assert not any(rate.has(sp.zoo, sp.nan, sp.oo) for rate in rates)
     assert any(each.vanishing == ("tau",) for each in found)
+
+
+def test_a_manifold_on_which_a_rate_divides_by_zero_is_none() -> None:
+    """Holling and Tanner: on x = 0 the predators' y (1 - y/x) has no value, whatever vanishes."""
+    x, y, a, d, r = sp.symbols("x y a d r")
+    rates = VectorField(
+        {y: y * (1 - y / x), x: (x * (1 - x) - a * x * y / (x + d)) / r}, parameters={a: 1, d: 0.1, r: 0.02}
+    )
+    found = small_parameters(rates, dimensions=[1])
+    assert found
+    for each in found:
+        assert x not in [e.lhs for e in each.manifold]
+        assert not any(rate.has(sp.zoo, sp.nan) for rate in each.reduced.values())
 
 
 def test_the_work_is_bounded_and_what_was_found_is_given(monkeypatch) -> None:

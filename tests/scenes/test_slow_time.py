@@ -129,7 +129,7 @@ def test_the_command_line_says_so_and_has_one_answer(tmp_path) -> None:
     assert ends[1] == pytest.approx(ends[0], rel=1e-3)
     done = CliRunner().invoke(cli, ["choose", str(file)])
     assert "the span 40 becomes 0.8" in done.output
-    assert "over t = 0 to 0.8 " in done.output
+    assert " to 0.8 at epsilon" in done.output
 
 
 def test_a_report_says_that_the_field_was_in_fast_time(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,40 @@
+"""A reduction that is found and one that is named with `take_fast` are one question, and get one answer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gsp.choice.choice import Choice, choose
+from gsp.choice.verdict import Answer
+from gsp.readers.loading import load_noted
+from gsp.reductions.reductions import find_reductions
+from gsp.scenes.small_parameter import take_fast, without_small
+
+SYSTEMS = sorted((Path(__file__).parents[1] / "systems").glob("*.toml"))
+# Quick ones, of which the second and the third ended in an error.
+ALWAYS = ("tunnel_diode", "holling_tanner", "laser_feedback")
+
+
+def serves(choice: Choice) -> bool:
+    return choice.verdict.answer in (Answer.YES, Answer.AS_FAST, Answer.NO_GAIN)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [p if p.stem in ALWAYS else pytest.param(p, marks=pytest.mark.exhaustive) for p in SYSTEMS],
+    ids=lambda path: path.stem,
+)
+def test_without_its_small_parameter_every_system_is_reduced_the_same_way_found_and_named(path: Path) -> None:
+    plain = without_small(load_noted(path)[0])
+    found = find_reductions(plain)
+    if found.taken is None or found.taken.candidate.order is None:
+        return
+    if not found.taken.name.startswith("quasi-steady state of "):
+        return
+    names = found.taken.name.removeprefix("quasi-steady state of ").split(", ")
+    assert found.study is not None
+    own = choose(found.study, fast=found.taken.counts_fast)
+    named = choose(take_fast(plain, variables=names), fast=found.taken.counts_fast)
+    assert serves(own) is serves(named)
