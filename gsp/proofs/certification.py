@@ -18,7 +18,7 @@ from gsp.proofs import balls
 from gsp.proofs.anchors import ball_at, point_over
 from gsp.proofs.ball_functions import undefined_within
 from gsp.proofs.certificate import Certificate
-from gsp.proofs.covering import Covering, cover, glue, share_of
+from gsp.proofs.covering import Covering, cover, glue, share_of, sharpen
 from gsp.proofs.equations import EnclosedEquations, limit_equations, without_decimals
 from gsp.proofs.refutation import Witness, refute
 from gsp.proofs.sides import rounded_sides
@@ -75,6 +75,7 @@ def certify_branch(
             start,
             small,
             checked,
+            most_boxes,
         )
         return _judged(problem, covering)
 
@@ -103,6 +104,7 @@ class _BoxProblem:
     start: tuple[np.ndarray, np.ndarray]
     epsilon: float | None
     region: Mapping[str, Interval]
+    most_boxes: int
 
 
 def _graph(branch: Branch, equations: EnclosedEquations) -> tuple[sp.Expr, ...] | None:
@@ -173,6 +175,13 @@ def _decided(problem: _BoxProblem, covering: Covering, certificate: Certificate)
             stable=stable,
             unstable=unstable,
         )
+        if epsilon is not None and not proved.rate_ratio >= 1.0:
+            # Parts are cut until the branch is proved in each; their bounds of the gap may be far from it.
+            sharpen(equations, covering, gap=epsilon * proved.tangential, most_boxes=problem.most_boxes)
+            boxes = tuple(piece.tube.box for piece in covering.pieces)
+            proved = replace(proved, gap=covering.gap, boxes=boxes, tried=covering.tried)
+            if glue(equations, covering):
+                return replace(certificate, reason="the parts in which the gap is large enough are not glued")
         if epsilon is not None and not proved.rate_ratio >= 1.0:
             return replace(
                 proved,

@@ -20,7 +20,7 @@ import numpy as np
 from gsp.proofs import balls
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import Spectrum, spectrum_of
-from gsp.proofs.tubes import Box, RootTube, enclose, middle_of
+from gsp.proofs.tubes import FIRST_ROOM, Box, RootTube, enclose, middle_of
 
 # A side this many units in the last place wide is a point: nothing is gained by cutting it.
 THIN = 8
@@ -168,7 +168,35 @@ def cover(
     return covering
 
 
-def refine(equations: EnclosedEquations, part: Part, *, margin: float) -> bool:
+def sharpen(equations: EnclosedEquations, covering: Covering, *, gap: float, most_boxes: int) -> None:
+    """Cut the parts whose gap is proved to be less than `gap`, the least first, until none is left.
+
+    Or until `most_boxes` are tried, or one is left whose gap is no larger. What was glued has to be glued again.
+    """
+    order = itertools.count()
+    waiting = [
+        (part.piece.spectrum.gap, next(order), part)
+        for part in covering.root.leaves()
+        if part.piece is not None and part.piece.spectrum is not None
+    ]
+    heapq.heapify(waiting)
+    while waiting and waiting[0][0] < gap and covering.tried < most_boxes:
+        _, _, part = heapq.heappop(waiting)
+        assert part.piece is not None
+        tube = part.piece.tube
+        rates = np.linalg.eigvals(equations.nearby(tube.middle[None], tube.centre[None])[0][0]).real
+        if not np.abs(rates).min() > gap:
+            return
+        covering.tried += 1
+        if not refine(equations, part):
+            return
+        assert part.halves is not None
+        for half in part.halves:
+            if half.piece is not None and half.piece.spectrum is not None:
+                heapq.heappush(waiting, (half.piece.spectrum.gap, next(order), half))
+
+
+def refine(equations: EnclosedEquations, part: Part, *, margin: float = FIRST_ROOM) -> bool:
     """Cut a part that is proved across its most telling side and prove both halves, in tubes with `margin`; whether
     that went well.
     """

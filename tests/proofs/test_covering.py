@@ -1,0 +1,67 @@
+"""Boxes that are cut further: until the gap that is proved is as large as the normal rate has to be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.proofs.covering import Covering
+from gsp.proofs.verdict import ProofVerdict
+from gsp.proofs.verification import verify
+
+x, y, z, eps = sp.symbols("x y z epsilon")
+# On y = x the eigenvalue is -(2 - x)^2/4 - 1/10, which one box over (0, 2) bounds by 1/10 less what it is wide.
+WIDE = gsp.SlowFastSystem(
+    slow={x: sp.Rational(1, 2) - x}, fast={y: -((2 - x) ** 2 / 4 + sp.Rational(1, 10)) * (y - x) * (1 + y) / (1 + x)},
+    epsilon=eps,
+)  # fmt: skip
+
+
+def branch(system: gsp.SlowFastSystem, **through: float):
+    return gsp.solve_critical(system).branches[0].through(through)
+
+
+def test_boxes_are_cut_until_the_normal_rate_is_proved_to_dominate(tmp_path) -> None:
+    sheet = branch(WIDE, x=1.0, y=1.0)
+    alone = gsp.certify(sheet, region={"x": (0, 2)})
+    # The rate along the slow flow is 1; the epsilon at which r is 1 for the true gap is 1/10.
+    epsilon = 0.09
+    assert alone.verdict is ProofVerdict.PROVED
+    assert alone.gap < epsilon
+    found = gsp.certify(sheet, region={"x": (0, 2)}, epsilon=epsilon)
+    assert found.verdict is ProofVerdict.PROVED
+    assert epsilon <= found.gap <= 0.1
+    assert 1 <= found.rate_ratio <= 1 / 0.9
+    assert len(found.gaps) == len(found.boxes) > len(alone.boxes)
+    assert found.tried < 60
+    found.save(tmp_path / "proof.json")
+    assert verify(tmp_path / "proof.json").gap == pytest.approx(found.gap, rel=1e-9)
+
+
+def test_where_the_gap_itself_is_too_small_nothing_is_cut() -> None:
+    sheet = branch(WIDE, x=1.0, y=1.0)
+    alone, found = (gsp.certify(sheet, region={"x": (0, 2)}, **given) for given in ({}, {"epsilon": 2.0}))
+    assert found.verdict is ProofVerdict.UNDECIDED
+    assert "only r >= 0.0" in found.reason
+    # The part with the least gap is halved until its middle says so.
+    assert found.tried <= alone.tried + 4
+
+
+def test_the_budget_bounds_the_cuts() -> None:
+    sheet = branch(WIDE, x=1.0, y=1.0)
+    alone = gsp.certify(sheet, region={"x": (0, 2)})
+    found = gsp.certify(sheet, region={"x": (0, 2)}, epsilon=0.0999999, most_boxes=alone.tried + 3)
+    assert found.tried <= alone.tried + 3
+    assert found.verdict is ProofVerdict.UNDECIDED
+    assert alone.gap < found.gap < 0.0999999
+
+
+def test_the_parts_that_are_left_cover_the_box() -> None:
+    found = gsp.certify(branch(WIDE, x=1.0, y=1.0), region={"x": (0, 2)}, epsilon=0.09)
+    covering: Covering = found._covering
+    sides = sorted(box[0] for box in found.boxes)
+    assert [sides[0][0], sides[-1][1]] == [0, 2]
+    assert np.array_equal([high for _, high in sides[:-1]], [low for low, _ in sides[1:]])
+    assert not covering.undecided
