@@ -45,5 +45,7 @@ def nest(scene: Scene, pair: str | None, order: int, as_json: bool) -> None:
     tell(found)
     for name, study in (("C1", found.first), ("C2", found.second)):
         tell(f"{name}: {study.hyperbolicity.kind}, gap {study.hyperbolicity.gap:.6g}")
+        for loss in study.hyperbolicity.losses:
+            tell(f"  {str(loss).splitlines()[0]}")
     for name, each in measured.items():
         tell(f"\n{name}: {each}")

@@ -183,6 +183,15 @@ def compare(
             last = scene.span[1]
         grid = np.linspace(first, last, GRID_POINTS)
         begin = start if nesting is None else nesting.whole(start, epsilon)
+        if not np.isfinite([*begin.values(), *slow_start.values()]).all():
+            # At so large an epsilon the series leads out of the domain of what it stands in.
+            floor.append(ROUNDING)
+            for n in flows:
+                errors[n].append(float("nan"))
+                statuses[n].append(Status.SERIES_ENDS)
+            for name in rivals:
+                claimed[name].append(float("nan"))
+            continue
         reference = run_on(full, begin, scene, epsilon, grid)
         check = run_on(full, begin, scene, epsilon, grid, loosened=CHECK)
         floor.append(max(largest_error(check, reference, slow) / CHECK, ROUNDING))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import sympy as sp
 from click.testing import CliRunner
 
 import gsp
 from gsp.cli import cli
-from gsp.errors import DeclarationError, DegenerateError, SplittingError
+from gsp.comparison.nested import compare_each
+from gsp.errors import DeclarationError, DegenerateError, SplittingError, Status
 from gsp.nested.nesting import Nesting
 
 z, y, x, w, m, c = sp.symbols("z y x w m c")
@@ -322,6 +324,24 @@ def test_only_orders_below_that_of_the_series_are_compared() -> None:
         gsp.compare(found, orders=(1,))
     with pytest.raises(DeclarationError, match="Leave the correction out"):
         gsp.compare(found, correction=1)
+
+
+def test_a_step_of_the_ladder_whose_start_leaves_the_domain_has_no_error_and_says_so() -> None:
+    """C1 is x = sqrt(1 - y), and over z = 0.7 the point of C2 is y = 0.7 (1 + 5 delta + ...), beyond 1 at 1/10."""
+    field = gsp.VectorField(
+        {z: -5 * z, y: (z - y) / delta, x: (sp.sqrt(1 - y) - x) / (epsilon * delta)},
+        epsilon=epsilon,
+        parameters={delta: 0.05},
+    )
+    start = {"z": 0.7, "y": 0.7, "x": 0.5}
+    found = gsp.nest(
+        gsp.Scene(field, {"z": (0, 1), "y": (0, 1)}, start, (0, 1), 0.05), small=["epsilon", "delta"]
+    )
+    measured = compare_each(found, orders=(0, 1))["epsilon and delta"]
+    assert measured.epsilons == (2, 1, 0.5, 0.25)
+    assert [np.isnan(error) for error in measured.errors[1]] == [True, False, False, False]
+    assert measured.statuses[1][0] is Status.SERIES_ENDS
+    assert "nan of order 0 at 2; 1 at 2" in str(measured)
 
 
 def test_a_model_file_names_both_and_is_written_back(tmp_path: Path) -> None:
