@@ -115,6 +115,15 @@ class AlgebraicPoint:
         with precision(BITS):
             return {symbol: float(self.field.ball(value, BITS).mid()) for symbol, value in self.values.items()}
 
+    def near(self, bits: int) -> dict[sp.Symbol, sp.Rational]:
+        """The coordinates as fractions, to about `bits` bits."""
+        found = {}
+        with precision(bits):
+            for symbol, value in self.values.items():
+                mantissa, power = self.field.ball(value, bits).mid().man_exp()
+                found[symbol] = sp.Rational(int(mantissa)) * sp.Integer(2) ** int(power)
+        return found
+
     def value(self, expression: sp.Expr) -> flint.fmpq_poly:
         """The element that a rational function of the coordinates takes here."""
         field = self.field

@@ -181,17 +181,24 @@ class LocalScales:
 
 
 def local_scales(study: Study, found: CriticalCurve | CriticalSheet) -> list[LocalScales]:
-    """The weights and powers of epsilon at every special point of what `surroundings` has found, and on its folds."""
+    """The weights and powers of epsilon at every special point of what `surroundings` has found, and on its folds.
+
+    Outside the region only where there are any.
+    """
     curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
     scales = []
     for curve in curves:
         if not isinstance(curve, CriticalCurve):
-            place = {name: float(curve[name][len(curve) // 2]) for name in curve.names}
-            scales.append(_local_scales(study, "along the curve of folds", place, place))
+            bounds = [(curve[name], side) for name, side in study.region.items() if name in curve.names]
+            inside = np.all([(low <= v) & (v <= high) for v, (low, high) in bounds], axis=0)
+            rows = np.flatnonzero(inside) if inside.any() else np.arange(len(curve))
+            place = {name: float(curve[name][rows[len(rows) // 2]]) for name in curve.names}
+            scales.append((_local_scales(study, "along the curve of folds", place, place), inside.any()))
         for point in curve.special:
             shown = ", ".join(f"{name} = {value:.6g}" for name, value in point.point.items())
-            scales.append(_local_scales(study, f"{point.kind} at {shown}", point.point, point))
-    return scales
+            told = _local_scales(study, f"{point.kind} at {shown}", point.point, point)
+            scales.append((told, point.is_in(study.region)))
+    return [each for each, is_inside in scales if is_inside or each.blow_up is not None]
 
 
 def _local_scales(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import sympy as sp
 
 import gsp
 from gsp import models
-from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followed, surroundings
+from gsp.analysis.fold_surroundings import boundary_of, local_scales, never_folds, not_followed, surroundings
+from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.report import write_report
@@ -169,3 +171,45 @@ def test_a_delay_along_a_graph_is_proved_and_without_a_loss_nothing_is_said() ->
     assert 0.9 < passage.delay.stays_to < 1.0 < passage.delay.leaves_by
     assert found(planar(sp.S.One, -x, {"x": 0.0, "y": -1.0}, region)).passage is None
     assert found(models.load("michaelis_menten")).passage is None
+
+
+A, B, X, Y = sp.symbols("A B X Y")
+RADICALS = {A: -A * X, B: A * X - B}, {X: A - 2 * X**2 - A * X / 10 + Y / 5, Y: 2 * X**2 - 3 * B * Y / 4 - Y}
+
+
+def test_where_nothing_can_be_blown_up_outside_the_region_nothing_is_said() -> None:
+    """Folds of two radicals at A = 0 and at B = -4/3 and -16/15, at which whole curves of points meet."""
+    system = SlowFastSystem(slow=RADICALS[0], fast=RADICALS[1], epsilon=epsilon)
+    scene = Scene(
+        system, {"A": (0.05, 2), "B": (0, 2), "X": (0, 3), "Y": (0, 3)},
+        {"A": 1.5, "B": 0.1, "X": 0.7, "Y": 0.7}, (0, 1), 0.01,
+    )  # fmt: skip
+    study = study_of(scene)
+    sheet = surroundings(study)
+    assert isinstance(sheet, CriticalSheet)
+    assert len(sheet.folds) == 3
+    assert all(each.blow_up is not None for each in local_scales(study, sheet))
+    texts = [curve.described(study.region) for curve in sheet.folds]
+    assert any("A = 0 throughout" in text for text in texts)
+    # Rounding of 0 is told as 0.
+    assert not any(re.search(r"e-(1[6-9]|[2-9]\d|\d{3})", text.split("(a =")[0]) for text in texts)
+
+
+def test_the_folds_of_a_hill_function_have_their_powers() -> None:
+    """Its exponent is a parameter, and their points are no rational numbers."""
+    s, q = sp.symbols("s q")
+    system = SlowFastSystem(
+        slow={A: X - A, B: sp.Integer(1)}, fast={X: a - s * X + A * X**q / (1 + X**q) + B}, epsilon=epsilon,
+        parameters={a: 0.4, s: 0.8, q: 8},
+    )  # fmt: skip
+    scene = Scene(
+        system, {"A": (0.5, 3), "B": (-0.1, 0.1), "X": (0.1, 4)}, {"A": 1, "B": 0, "X": 0.4}, (0, 1), 0.02
+    )
+    study = study_of(scene)
+    sheet = surroundings(study)
+    assert sheet is not None
+    along, *_ = local_scales(study, sheet)
+    assert along.blow_up is not None
+    assert dict(along.blow_up.weights)["X"] == 1
+    assert along.blow_up.degree == 1
+    assert sorted(along.blow_up.weights.values())[-2:] == [2, 3]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -138,14 +138,22 @@ class NamedCurve(NamedPoints):
     def described(self, region: Mapping[str, Interval] | None = None) -> str:
         """The card, its special points outside `region` last and called so."""
         title, rows = self._headed()
-        ranges = [
-            f"  {name} from {self[name].min():.6g} to {self[name].max():.6g}"
-            for name in self.names
-            if np.ptp(self[name]) > 0.0
-        ]
-        inside = [f"  {point}" for point in self.special if point.is_in(region or {})]
-        outside = [f"  outside the region: {point}" for point in self.special if not point.is_in(region or {})]
+        ranges, inside, outside = [], [], []
+        for name in self.names:
+            low, high = (f"{self._told(name, v):.6g}" for v in (self[name].min(), self[name].max()))
+            ranges.append(f"  {name} = {low} throughout" if low == high else f"  {name} from {low} to {high}")
+        for point in self.special:
+            told = replace(point, point={name: self._told(name, value) for name, value in point.point.items()})
+            if point.is_in(region or {}):
+                inside.append(f"  {told}")
+            else:
+                outside.append(f"  outside the region: {told}")
         return "\n".join([title, *ranges, *rows, *inside, *outside, f"  {self.message}"])
+
+    def _told(self, name: str, value: float) -> float:
+        """The value of a variable; 0 where it is rounding of what bounds it."""
+        rounding = np.finfo(float).eps * np.abs(self.options.bounds.get(name, (0.0, 0.0))).max()
+        return 0.0 if abs(value) <= rounding else float(value)
 
     def _headed(self) -> tuple[str, Sequence[str]]:
         """The title of the card and the rows that are this curve's own."""

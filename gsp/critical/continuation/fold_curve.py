@@ -58,9 +58,7 @@ class FoldCurve(NamedCurve, Card, Tabular):
     eigenvalues: np.ndarray
 
     def _headed(self) -> tuple[str, Sequence[str]]:
-        still = [name for name in self.names if not np.ptp(self[name]) > 0.0]
-        fixed = [f"  {name} = {self[name][0]:.6g} throughout" for name in still]
-        return f"curve of folds over {', '.join(self.free)}", fixed
+        return f"curve of folds over {', '.join(self.free)}", ()
 
 
 def continue_folds(

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import AlgebraicPoint
-from gsp.algebra.local_series import LocalRing, LocalSeries, Polynomial
+from gsp.algebra.local_series import BITS, LocalRing, LocalSeries, Polynomial
 from gsp.algebra.ring import read
 from gsp.singular.blow_up.local_form import BlowUpError, LocalForm
 from gsp.systems.system import SlowFastSystem
@@ -44,6 +44,9 @@ def expanded(
         environment[symbol] = environment[symbol] + ring.variable(i)
     cache: dict = {}
     fast, slow = ([read(e, ring, environment, cache) for e in rates] for rates in (system.g, system.f))
+    if field is not None and not ring.is_exact:
+        # Beside a number that is not in it no element of the field is seen to be zero.
+        return expanded(system, point.near(BITS + 64), parameters, degree)
     # Whether all values were exact is known now only.
     fast, slow = (
         [LocalSeries(ring, [ring.reduced(part) for part in e.parts]) for e in rates] for rates in (fast, slow)
