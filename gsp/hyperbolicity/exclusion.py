@@ -19,7 +19,7 @@ from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import LARGE
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
-from gsp.proofs.covering import Covering, Part, cover, share_of
+from gsp.proofs.covering import Covering, Part, cover, share_of, sharpen
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.tubes import Box, middle_of
 from gsp.systems.region import ImageBox, Interval
@@ -171,6 +171,7 @@ class _ExclusionSearch:
             )
             if covering.interrupted:
                 raise KeyboardInterrupt
+            sharpen(self.equations, covering, most_boxes=most - self.tried)
             self.tried += covering.tried
             if covering.gap < self.gap:
                 self.gap = covering.gap

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -160,6 +161,8 @@ def _judged(problem: _BoxProblem, covering: Covering) -> Certificate:
 def _decided(problem: _BoxProblem, covering: Covering, certificate: Certificate) -> Certificate:
     equations, epsilon = problem.equations, problem.epsilon
     left = covering.undecided
+    if not left:
+        sharpen(equations, covering, most_boxes=problem.most_boxes)
     failed = [] if left else glue(equations, covering)
     pieces = covering.pieces
     counts = {piece.spectrum.counts for piece in pieces if piece.spectrum is not None}
@@ -170,16 +173,15 @@ def _decided(problem: _BoxProblem, covering: Covering, certificate: Certificate)
         (stable, unstable) = counts.pop()
         proved = replace(
             certificate,
+            **_sizes(covering),
             verdict=ProofVerdict.PROVED,
             reason="one smooth branch, normally hyperbolic throughout",
             stable=stable,
             unstable=unstable,
         )
         if epsilon is not None and not proved.rate_ratio >= 1.0:
-            # Parts are cut until the branch is proved in each; their bounds of the gap may be far from it.
             sharpen(equations, covering, gap=epsilon * proved.tangential, most_boxes=problem.most_boxes)
-            boxes = tuple(piece.tube.box for piece in covering.pieces)
-            proved = replace(proved, gap=covering.gap, boxes=boxes, tried=covering.tried)
+            proved = replace(proved, **_sizes(covering))
             if glue(equations, covering):
                 return replace(certificate, reason="the parts in which the gap is large enough are not glued")
         if epsilon is not None and not proved.rate_ratio >= 1.0:
@@ -206,6 +208,12 @@ def _decided(problem: _BoxProblem, covering: Covering, certificate: Certificate)
     if outside is not None:
         return replace(certificate, reason=_why_outside(outside))
     return replace(certificate, reason=_why(problem, covering, failed))
+
+
+def _sizes(covering: Covering) -> dict[str, Any]:
+    """What of a certificate depends on how its parts were cut."""
+    boxes = tuple(piece.tube.box for piece in covering.pieces)
+    return {"gap": covering.gap, "boxes": boxes, "tried": covering.tried}
 
 
 def _is_inside(problem: _BoxProblem, witness: Witness) -> bool:

@@ -168,10 +168,12 @@ def cover(
     return covering
 
 
-def sharpen(equations: EnclosedEquations, covering: Covering, *, gap: float, most_boxes: int) -> None:
-    """Cut the parts whose gap is proved to be less than `gap`, the least first, until none is left.
+def sharpen(equations: EnclosedEquations, covering: Covering, *, most_boxes: int, gap: float = 0.0) -> None:
+    """Cut the part whose gap is proved to be least until that is within a factor of two of the gap in its middle.
 
-    Or until `most_boxes` are tried, or one is left whose gap is no larger. What was glued has to be glued again.
+    Parts are cut until the branch is proved in each, and wide balls say little of eigenvalues. With `gap` it is cut
+    until every gap is proved to be that large, unless one is not. It ends when `most_boxes` are tried, or as many cuts
+    again do not bring it nearer by a `WORTH`. What was glued has to be glued again.
     """
     order = itertools.count()
     waiting = [
@@ -180,13 +182,18 @@ def sharpen(equations: EnclosedEquations, covering: Covering, *, gap: float, mos
         if part.piece is not None and part.piece.spectrum is not None
     ]
     heapq.heapify(waiting)
-    while waiting and waiting[0][0] < gap and covering.tried < most_boxes:
-        _, _, part = heapq.heappop(waiting)
-        assert part.piece is not None
-        tube = part.piece.tube
-        rates = np.linalg.eigvals(equations.nearby(tube.middle[None], tube.centre[None])[0][0]).real
-        if not np.abs(rates).min() > gap:
+    budget, short = covering.tried + len(waiting), np.inf
+    while waiting and covering.tried < most_boxes:
+        proved, _, part = heapq.heappop(waiting)
+        seen = _middle_gap(equations, part)
+        # What is larger by less than a hundredth would take boxes without end.
+        wanted = gap if proved < gap < seen / 1.01 else 0.5 * seen
+        if not proved < wanted:
             return
+        if covering.tried >= budget:
+            if wanted - proved > (1.0 - WORTH) * short:
+                return
+            short, budget = wanted - proved, budget + len(waiting)
         covering.tried += 1
         if not refine(equations, part):
             return
@@ -194,6 +201,14 @@ def sharpen(equations: EnclosedEquations, covering: Covering, *, gap: float, mos
         for half in part.halves:
             if half.piece is not None and half.piece.spectrum is not None:
                 heapq.heappush(waiting, (half.piece.spectrum.gap, next(order), half))
+
+
+def _middle_gap(equations: EnclosedEquations, part: Part) -> float:
+    """The least |Re lambda| in the middle of a part, in doubles."""
+    assert part.piece is not None
+    tube = part.piece.tube
+    matrix = equations.nearby(tube.middle[None], tube.centre[None])[0][0]
+    return float(np.abs(np.linalg.eigvals(matrix).real).min())
 
 
 def refine(equations: EnclosedEquations, part: Part, *, margin: float = FIRST_ROOM) -> bool:

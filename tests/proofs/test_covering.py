@@ -65,3 +65,29 @@ def test_the_parts_that_are_left_cover_the_box() -> None:
     assert [sides[0][0], sides[-1][1]] == [0, 2]
     assert np.array_equal([high for _, high in sides[:-1]], [low for low, _ in sides[1:]])
     assert not covering.undecided
+
+
+@pytest.mark.parametrize("steep", [1, 4, 16])
+def test_the_gap_that_is_proved_is_within_a_factor_of_two_where_the_branch_alone_takes_one_box(
+    steep: int,
+) -> None:
+    """The eigenvalue is -1 - (x^2 - s x)^2, at least 1 away; over one box x^2 - s x is anything up to s^2 + 1."""
+    system = gsp.SlowFastSystem(
+        slow={x: sp.Integer(1)}, fast={y: -(1 + (x**2 - steep * x) ** 2 / 10) * y + z / 10, z: -z}, epsilon=eps
+    )
+    found = gsp.certify(branch(system, x=0.5, y=0.0, z=0.0), region={"x": (0, 1)})
+    assert found.verdict is ProofVerdict.PROVED
+    assert 0.5 <= found.gap <= 1
+    assert found.tried < 40
+
+
+def test_a_bound_that_cuts_do_not_raise_ends_them() -> None:
+    """(c + x)/(c d) is 1/d + x/(c d), and balls see c/c as anything from 1/4 to 4: cuts across d and x do not help."""
+    c, d = sp.symbols("c d")
+    system = gsp.SlowFastSystem(
+        slow={x: -x}, fast={y: -y * (c + x**2 * d) / (c * d)}, epsilon=eps, parameters={c: 1, d: 1}
+    )
+    region = {"x": (0, 1), "c": (sp.Rational(1, 2), 2), "d": (sp.Rational(1, 2), 2)}
+    found = gsp.certify(gsp.solve_critical(system).branches[0], region=region)
+    assert found.verdict is ProofVerdict.PROVED
+    assert found.tried < 100
