@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+
+import sympy as sp
 
 from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.errors import ModelFileError, nearest
@@ -190,7 +192,25 @@ def _why_ordinary(model: ForeignModel, name: str, read: Callable[[str], Scene]) 
     scales = (
         pole_order(e, symbol) or not pole_order(e / symbol, symbol) for e in system.rates if e.has(symbol)
     )
-    return None if any(scales) else "it is no pole and no factor of a whole rate"
+    if not any(scales):
+        return "it is no pole and no factor of a whole rate"
+    if any(pole_order(rate, symbol) > 0 for rate in system.rates):
+        return None
+    for state, rate in zip(system.states, system.rates):
+        # Without a pole what it is no factor of would be fast.
+        factor = 1.0 if pole_order(rate / symbol, symbol) <= 0 else _factor(rate, system.parameters)
+        if factor <= value:
+            return f"{state} would be fast, and its rate has a factor that is no larger, {factor:g}"
+    return None
+
+
+def _factor(rate: sp.Expr, parameters: Mapping[sp.Symbol, sp.Rational]) -> float:
+    """The number, and the positive parameters, of which a whole rate is a multiple."""
+    factor = abs(float(rate.primitive()[0]))
+    for parameter, value in parameters.items():
+        if value > 0 and rate.has(parameter) and misplaced_epsilon(rate, parameter) is None:
+            factor *= float(value) if pole_order(rate / parameter, parameter) <= 0 else 1.0
+    return factor
 
 
 def _kept(model: ForeignModel, name: str) -> str:

@@ -43,9 +43,25 @@ def test_what_is_not_small_is_an_ordinary_parameter(
 
 
 @pytest.mark.parametrize(
+    ("x", "factor"),
+    [("k*(1 - x)", "0.002"), ("k/10*(1 - x)", "0.0002"), (".005*(1 - x*k)", "0.005"), ("(1 - x)*k*3", "0.006")],
+)
+def test_what_is_slower_still_makes_it_an_ordinary_parameter(tmp_path: Path, x: str, factor: str) -> None:
+    """y' = eps (..) and x' = k (..) with k below eps: in the time of y the rate of x has a pole, and x is slower."""
+    scene, notes = load_noted(written(tmp_path, x, "eps*(x - y)", "eps=0.01, k=0.002"))
+    assert scene.epsilon is None
+    assert (
+        f"eps = 0.01 is an ordinary parameter: x would be fast, and its rate has a factor that is no larger, {factor}"
+        in notes
+    )
+
+
+@pytest.mark.parametrize(
     ("value", "x", "y"),
     [
         (".1", "(y - x)/eps", "-y"),
+        (".01", "(y - x)*20*eps + eps*k", "eps*k*y"),
+        (".01", "k*20*(y - x)", "eps*y"),
         ("1e-3", "y - x", "eps*(1 - y)"),
         (".01", "(y - x)/eps + eps*x", "-y/(1 + eps)"),
         (".01", "y - x + eps*x", "eps*x - eps*y"),
@@ -53,7 +69,7 @@ def test_what_is_not_small_is_an_ordinary_parameter(
     ],
 )
 def test_a_pole_or_a_factor_of_a_whole_rate_is_small(tmp_path: Path, value: str, x: str, y: str) -> None:
-    scene, notes = load_noted(written(tmp_path, x, y, f"eps={value}"))
+    scene, notes = load_noted(written(tmp_path, x, y, f"eps={value}, k=.002"))
     assert scene.system.epsilon.name == "eps"
     assert scene.epsilon == float(value)
     assert not any("ordinary" in note for note in notes)
