@@ -206,7 +206,7 @@ def _why_ordinary(model: ForeignModel, name: str, read: Callable[[str], Scene]) 
 
 def _factor(rate: sp.Expr, parameters: Mapping[sp.Symbol, sp.Rational]) -> float:
     """The number, and the positive parameters, of which a whole rate is a multiple."""
-    factor = abs(float(rate.primitive()[0]))
+    factor = abs(float(rate.as_content_primitive()[0]))
     for parameter, value in parameters.items():
         if value > 0 and rate.has(parameter) and misplaced_epsilon(rate, parameter) is None:
             factor *= float(value) if pole_order(rate / parameter, parameter) <= 0 else 1.0
