@@ -81,6 +81,25 @@ def test_what_is_fast_is_looked_for_and_told(motor: Path) -> None:
     assert rough["reason"].startswith("Do not reduce")
 
 
+def test_reduced_runs_and_comparisons_look_for_it_too(motor: Path, tmp_path: Path) -> None:
+    found, named = (run("compare", motor, "--order", "1", *of) for of in ((), ("--fast", "i")))
+    assert "quasi-steady state of i" in found.stderr
+    # Along L, and with a bookkeeping epsilon: halves of either have the same errors.
+    first, second = (
+        [line.split()[1] for line in each.stdout.splitlines() if line[:7].strip() in ("0", "1")]
+        for each in (found, named)
+    )
+    assert first == second == ["1.00", "2.00"]
+    ends = []
+    for options in ((), ("--fast", "i")):
+        target = tmp_path / "run.csv"
+        run("run", motor, "--order", "1", "-o", target, *options)
+        head, *_, last = target.read_text(encoding="utf-8").splitlines()
+        ends.append(float(dict(zip(head.split(","), last.split(",")))["w"]))
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
+    assert "quasi-steady state" not in run("run", motor).stderr
+
+
 def test_its_demo_shows_the_full_system(motor: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert run("demo", motor, "--no-open", "-o", page).exit_code == 0

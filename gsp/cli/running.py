@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gsp.cli.asking import asks, json_option, orders_through, output_option, tell_variables
+from gsp.cli.asking import asks, found_small, json_option, orders_through, output_option, tell_variables
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, wrote
 from gsp.errors import DeclarationError, GspError
@@ -36,6 +36,10 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
     from gsp.integration.trajectory import RunOptions, trajectory_of
     from gsp.systems.tolerances import RTOL, absolute_tolerance
 
+    if order is not None and not scene.has_small:
+        found = found_small(scene, needed=True).taken
+        assert found is not None
+        scene = found.scene
     atol = absolute_tolerance(RTOL, scene.region, scene.full_start)
     with progress_bar("run") as show:
         if order is None:
@@ -61,7 +65,7 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start", "small", "fast")
+@asks("set", "epsilon", "region", "start", "small", "fast", looks=True)
 @click.option("--order", type=int, help="Highest order of the reduced flows [3].")
 @output_option("File for the errors, .csv or .json [not written].")
 @json_option
@@ -76,7 +80,6 @@ def compare(scene: Scene, order: int | None, output: Path | None, as_json: bool)
     from gsp.comparison.comparison import compare as compare_flows
     from gsp.nested.nesting import nest
 
-    tell_variables(scene)
     orders = orders_through(1 if scene.second and order is None else order)
     target = nest(scene, order=orders["orders"][-1] + 1) if scene.second else scene
     with progress_bar("runs") as show:

@@ -174,11 +174,13 @@ class _Shadowing:
         x, y, _ = np.split(run.y.T, [len(system.x), len(system.states)], axis=1)
         over, last, left, distance = None, None, 0.0, 0.0
         for i, covered in enumerate(self._covers(x)):
-            if not covered and last is None:
-                continue
             if not covered:
+                if last is None:
+                    continue
                 # Of what is left of the layer the distance tells.
-                return (last, last - 1, distance) if over in (None, last) else (over, last, left)
+                return (
+                    (last, max(last - 1, 0), distance) if over is None or over == last else (over, last, left)
+                )
             try:
                 h, error = self.height(x[i : i + 1])
             except BranchError as reason:
@@ -204,7 +206,7 @@ class _Shadowing:
             return np.ones(len(x), dtype=bool)
         bounds = np.array([self.surface.region[s.name] for s in self.problem.system.x])
         places = x * self.units[: x.shape[1]]
-        return ((places >= bounds[:, 0]) & (places <= bounds[:, 1])).all(axis=1)
+        return np.all((places >= bounds[:, 0]) & (places <= bounds[:, 1]), axis=1)
 
     def _leaving(self, run: Trajectory, i: int) -> str:
         return (

@@ -147,7 +147,8 @@ class Certificate(Card):
         lines = [f"{self.verdict.value} on {self.where}", f"  {self.reason}"]
         if self.verdict is ProofVerdict.PROVED:
             lines.append(
-                f"  {self.kind}, gap at least {at_least(self.gap)} in fast time; {len(self.boxes)} boxes, glued"
+                f"  {self.kind}, gap at least {at_least(self.gap)} in fast time; {len(self.boxes)} "
+                f"{'box' if len(self.boxes) == 1 else 'boxes, glued'}"
             )
             if self.epsilon is not None:
                 lines.append(f"  rate along the slow flow at most {at_most(self.tangential)}")

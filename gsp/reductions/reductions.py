@@ -218,7 +218,7 @@ def find_reductions(
     timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))
     recommended = _cheapest([each for each in timed if not each.why_not])
     nearest = _nearest(timed)
-    solved = recommended is None and nearest is not None and is_solved(found[nearest], gaps)
+    solved = recommended is None and nearest is not None and is_solved(found[nearest])
     reason = _reason(plain, timed, recommended, nearest, gaps, solved)
     return Reductions(plain, scales, tuple(timed), recommended, nearest, special, reason, solved)
 

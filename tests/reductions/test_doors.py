@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import sympy as sp
 
 from gsp.choice.choice import Choice, choose
 from gsp.choice.verdict import Answer
 from gsp.readers.loading import load_noted
 from gsp.reductions.reductions import find_reductions
+from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import take_fast, without_small
+from gsp.systems.system import VectorField
 
 SYSTEMS = sorted((Path(__file__).parents[1] / "systems").glob("*.toml"))
 # Quick ones, of which the second and the third ended in an error.
@@ -38,3 +41,36 @@ def test_without_its_small_parameter_every_system_is_reduced_the_same_way_found_
     own = choose(found.study, fast=found.taken.counts_fast)
     named = choose(take_fast(plain, variables=names), fast=found.taken.counts_fast)
     assert serves(own) is serves(named)
+
+
+def test_a_reduction_that_is_foretold_too_is_no_chance() -> None:
+    """A car whose tyres relax, 5.7 times as fast as it turns: exp(-5.7) is more than a tenth of the tolerance."""
+    rates = {
+        "beta": "(Ff + Fr)/(m*v) - r",
+        "r": "(lf*Ff - lr*Fr)/J",
+        "Ff": "v/sig*(Cf*(steer - beta - lf*r/v) - Ff)",
+        "Fr": "v/sig*(Cr*(-beta + lr*r/v) - Fr)",
+    }
+    values = {
+        "m": 1500,
+        "J": 2500,
+        "v": 20,
+        "lf": 1.2,
+        "lr": 1.4,
+        "Cf": 8e4,
+        "Cr": 9e4,
+        "sig": 0.4,
+        "steer": 0.02,
+    }
+    names = {name: sp.Symbol(name) for name in (*rates, *values)}
+    field = VectorField(
+        {names[z]: sp.sympify(rate, locals=names) for z, rate in rates.items()},
+        parameters={names[p]: value for p, value in values.items()},
+    )
+    car = Scene(field, {}, dict.fromkeys(rates, 0.0), (0, 2), tolerance=0.02)
+    found = find_reductions(car)
+    assert found.recommended is not None
+    assert found.recommended.name == "quasi-steady state of Ff, Fr"
+    assert found.study is not None
+    assert serves(choose(found.study))
+    assert serves(choose(take_fast(car, variables=["Ff", "Fr"])))

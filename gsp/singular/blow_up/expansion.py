@@ -44,7 +44,7 @@ def expanded(
         environment[symbol] = environment[symbol] + ring.variable(i)
     cache: dict = {}
     fast, slow = ([read(e, ring, environment, cache) for e in rates] for rates in (system.g, system.f))
-    if field is not None and not ring.is_exact:
+    if isinstance(point, AlgebraicPoint) and field is not None and not ring.is_exact:
         # Beside a number that is not in it no element of the field is seen to be zero.
         return expanded(system, point.near(BITS + 64), parameters, degree)
     # Whether all values were exact is known now only.
