@@ -47,6 +47,10 @@ def exact(value: float | str | sp.Expr) -> sp.Rational:
         number = sp.Rational(str(value))
     except (TypeError, ValueError):
         number = None
+    if number is None and isinstance(value, sp.Expr) and value.is_number and value.is_real:
+        raise DeclarationError(
+            f"{shown(value)} is irrational, and values are exact fractions.", f"Give digits, {sp.N(value, 17)}."
+        )
     if not isinstance(number, sp.Rational):
         raise DeclarationError(
             f"{shown(value)} is no finite real number.", "Give an int, a float or a Fraction."

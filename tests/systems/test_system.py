@@ -43,7 +43,7 @@ REFUSED = {
     "a complex parameter": (lambda: standard(f=a * y, parameters={a: 1j}), "1j is no number"),
     "an irrational parameter": (
         lambda: standard(f=a * y, parameters={a: sp.pi}),
-        "pi is no finite real number",
+        "pi is irrational, and values are exact fractions. Give digits, 3.1415926535897932",
     ),
     "code as a parameter": (lambda: standard(f=a * y, parameters={a: "__import__('os')"}), "is no number"),
     "a tower as a parameter": (lambda: standard(f=a * y, parameters={a: "1e999999999"}), "is no number"),
