@@ -55,8 +55,10 @@ class FastPart:
         rates = dict(original.equations)
         for state, terms in parts.items():
             rates[state] = _divided(rates[state], sp.Add(*terms), epsilon)
+        # Of the states of a combination the first is the fast variable: the complex, not what it is made of.
+        first = {s: rates[s] for s in (next(iter(d)) for d in self.directions)}
         return VectorField(
-            rates,
+            first | rates,
             epsilon=epsilon,
             parameters=original.parameters,
             name=original.name,
@@ -112,7 +114,7 @@ def _equilibria(
         found.append(FastPart(f"partial equilibrium of {told}", (dict(direction),), (rate,)))
         for state, number in direction:
             if state in complexes:
-                along = {s: n / number for s, n in direction}
+                along = {state: sp.Integer(1), **{s: n / number for s, n in direction}}
                 name = f"total quasi-steady state of {state.name} in {told}"
                 found.append(FastPart(name, (along,), (field.equations[state],)))
     for size in (2, len(reversible)) if len(reversible) > 2 else (2,):

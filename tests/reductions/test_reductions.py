@@ -639,3 +639,15 @@ def test_the_error_is_told_over_what_it_was_measured_on() -> None:
     begin, end = found.recommended.measured
     assert begin > 0.1
     assert f"its error over t = {begin:.4g} to {end:.4g} is {found.recommended.error:.2g}" in found.reason
+
+
+def test_the_complex_of_a_total_quasi_steady_state_is_the_fast_variable() -> None:
+    """Robertson's b, of which there is 4e-5: what is told of the fast variables is told of it, and not of p - b."""
+    rates = {"a": "-k1*a + k3*b*c", "b": "k1*a - k3*b*c - k2*b**2", "c": "k2*b**2"}
+    found = find_reductions(scene(rates, {"k1": 0.04, "k2": 3e7, "k3": 1e4}, {"a": 1, "b": 0, "c": 0}, 400))
+    assert found.recommended is not None
+    assert found.recommended.name == "total quasi-steady state of b in a <-> b"
+    assert found.study is not None
+    assert [s.name for s in found.study.system.y] == ["b"]
+    # b begins at 0, its largest value away from where it is slaved.
+    assert choose(found.study).layer_error == pytest.approx(1, rel=0.05)
