@@ -8,6 +8,7 @@ regular T serves a proof; it is chosen in doubles as `gsp.critical.slow_metric` 
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -23,7 +24,7 @@ from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.covering import CoveredPart
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import largest_modulus
-from gsp.proofs.tubes import Box, RootTube
+from gsp.proofs.tubes import Box, RootTube, enclose, middle_of
 from gsp.systems.scattered_points import PLACES
 
 HALVINGS = 2000
@@ -39,15 +40,17 @@ def tangential_rate(
     """
     rates = _Rates(equations, slow)
     rates.measure(pieces, least=enough if enough < math.inf else 0.0)
-    waiting = [(-rates.over(piece.tube, piece.tube.box), i, piece.tube.box) for i, piece in enumerate(pieces)]
+    order = itertools.count()
+    waiting = [
+        (-rates.over(piece.tube, piece.tube.box), next(order), piece.tube.box, piece.tube) for piece in pieces
+    ]
+    widths = {i: np.ptp(box, axis=1) for _, i, box, _ in waiting}
     heapq.heapify(waiting)
     for _ in range(HALVINGS):
-        bound, i, box = waiting[0]
-        # As shares of the tube's box: variables have different units.
-        sides = [
-            (high - low) / (last - first or 1.0) for (low, high), (first, last) in zip(box, pieces[i].tube.box)
-        ]
-        axis = max(range(len(box)), key=sides.__getitem__)
+        bound, i, box, tube = waiting[0]
+        # As shares of the piece's box: variables have different units.
+        sides = np.ptp(box, axis=1) / np.where(widths[i] > 0.0, widths[i], 1.0)
+        axis = int(np.argmax(sides))
         if -bound <= enough or not sides[axis] > 0.0:
             break
         heapq.heappop(waiting)
@@ -55,8 +58,17 @@ def tangential_rate(
         middle = low + 0.5 * (high - low)
         for ends in ((low, middle), (middle, high)):
             half = tuple(ends if k == axis else side for k, side in enumerate(box))
-            heapq.heappush(waiting, (-rates.over(pieces[i].tube, half), i, half))
+            own, place = narrowed(equations, tube, half), next(order)
+            widths[place] = widths[i]
+            heapq.heappush(waiting, (-rates.over(own, half), place, half, own))
     return -waiting[0][0]
+
+
+def narrowed(equations: EnclosedEquations, tube: RootTube, box: Box) -> RootTube:
+    """A tube over a part of a tube's box that lies in it, and so holds the same root; itself where none is found."""
+    found = enclose(equations, box, tube.centre + tube.slope @ (middle_of(box) - tube.middle))
+    x = [balls.hull(low, high) for low, high in box]
+    return found if found is not None and tube.holds(x, found.over(x)) else tube
 
 
 class _Rates:
@@ -74,7 +86,8 @@ class _Rates:
         for piece in pieces[:: max(len(pieces) // PLACES, 1)]:
             low, high = np.array(piece.tube.box).T
             for point in low + unit * (high - low):
-                a = self.matrix(piece.tube, tuple((v, v) for v in map(float, point)))
+                place = tuple((v, v) for v in map(float, point))
+                a = self.matrix(narrowed(self.equations, piece.tube, place), place)
                 if a is not None:
                     # What is 0 to rounding is 0.
                     entries = [0.0 if entry.contains(0) else float(entry.mid()) for entry in a.entries()]

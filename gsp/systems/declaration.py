@@ -47,7 +47,7 @@ def exact(value: float | str | sp.Expr) -> sp.Rational:
         number = sp.Rational(str(value))
     except (TypeError, ValueError):
         number = None
-    if number is None and isinstance(value, sp.Expr) and value.is_number and value.is_real:
+    if number is None and getattr(value, "is_number", False) and getattr(value, "is_real", False):
         raise DeclarationError(
             f"{shown(value)} is irrational, and values are exact fractions.", f"Give digits, {sp.N(value, 17)}."
         )
