@@ -30,9 +30,6 @@ PIECE = 0.15
 # Errors over the span are looked at on so many times.
 GRID_POINTS = 97
 MAX_STEPS = 1_000_000
-# Failures that a measurement over the whole span goes before: those of what is predicted, and of a region that a run
-# found.
-MEASURABLE = (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
 
 
 class ModelKind(StrEnum):
@@ -82,7 +79,8 @@ class Candidate:
     @property
     def follows(self) -> bool:
         """Whether the rest follows an attracting slow manifold to the end; a region found by a run is no limit."""
-        return self.valid or self.failure in MEASURABLE
+        # A measurement over the whole span goes before these: of what is predicted, and of a region that a run found.
+        return self.valid or self.failure in (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
 
     @property
     def label(self) -> str:

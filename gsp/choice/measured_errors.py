@@ -64,10 +64,8 @@ def measured_where_untold(trials: Sequence[Trial], forecast: Forecast, names: Se
     scene = forecast.study.scene
     errors = measured_errors(forecast.study, untold, names, forecast.layer)
     # What passes the tolerance stays as it was: how far it would have held is told there.
-    serving = {order for order, error in errors.items() if error <= scene.tolerance}
+    serving = {order: error for order, error in errors.items() if error <= scene.tolerance}
     return [
-        measured_candidate(t, errors[t.candidate.order], scene)
-        if t.candidate in untold and t.candidate.order in serving
-        else t
+        measured_candidate(t, serving[t.candidate.order], scene) if t.candidate.order in serving else t
         for t in trials
     ]

@@ -204,9 +204,7 @@ class _Shadowing:
         """Which of the places x (m, n_slow), in units, a solved manifold covers; without one all."""
         if self.surface is None:
             return np.ones(len(x), dtype=bool)
-        bounds = np.array([self.surface.region[s.name] for s in self.problem.system.x])
-        places = x * self.units[: x.shape[1]]
-        return np.all((places >= bounds[:, 0]) & (places <= bounds[:, 1]), axis=1)
+        return np.all(self.surface.covers(x * self.units[: x.shape[1]]), axis=1)
 
     def _leaving(self, run: Trajectory, i: int) -> str:
         return (

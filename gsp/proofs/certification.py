@@ -181,9 +181,9 @@ def _decided(problem: _BoxProblem, covering: Covering, certificate: Certificate)
         )
         if epsilon is not None and not proved.rate_ratio >= 1.0:
             sharpen(equations, covering, gap=epsilon * proved.tangential, most_boxes=problem.most_boxes)
-            proved = replace(proved, **_sizes(covering))
-            if glue(equations, covering):
+            if covering.tried > proved.tried and glue(equations, covering):
                 return replace(certificate, reason="the parts in which the gap is large enough are not glued")
+            proved = replace(proved, **_sizes(covering))
         if epsilon is not None and not proved.rate_ratio >= 1.0:
             return replace(
                 proved,

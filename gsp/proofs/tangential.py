@@ -42,15 +42,15 @@ def tangential_rate(
     rates.measure(pieces, least=enough if enough < math.inf else 0.0)
     order = itertools.count()
     waiting = [
-        (-rates.over(piece.tube, piece.tube.box), next(order), piece.tube.box, piece.tube) for piece in pieces
+        (-rates.over(tube, tube.box), next(order), tube.box, tube, tube.box)
+        for tube in (p.tube for p in pieces)
     ]
-    widths = {i: np.ptp(box, axis=1) for _, i, box, _ in waiting}
     heapq.heapify(waiting)
     for _ in range(HALVINGS):
-        bound, i, box, tube = waiting[0]
+        bound, _, box, tube, whole = waiting[0]
         # As shares of the piece's box: variables have different units.
-        sides = np.ptp(box, axis=1) / np.where(widths[i] > 0.0, widths[i], 1.0)
-        axis = int(np.argmax(sides))
+        sides = [(high - low) / (last - first or 1.0) for (low, high), (first, last) in zip(box, whole)]
+        axis = max(range(len(box)), key=sides.__getitem__)
         if -bound <= enough or not sides[axis] > 0.0:
             break
         heapq.heappop(waiting)
@@ -58,9 +58,8 @@ def tangential_rate(
         middle = low + 0.5 * (high - low)
         for ends in ((low, middle), (middle, high)):
             half = tuple(ends if k == axis else side for k, side in enumerate(box))
-            own, place = narrowed(equations, tube, half), next(order)
-            widths[place] = widths[i]
-            heapq.heappush(waiting, (-rates.over(own, half), place, half, own))
+            own = narrowed(equations, tube, half)
+            heapq.heappush(waiting, (-rates.over(own, half), next(order), half, own, whole))
     return -waiting[0][0]
 
 

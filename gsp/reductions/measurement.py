@@ -54,12 +54,12 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
     try:
         counted, shown = _scenes(scene, part)
         study = Study(counted)
-        counted = _counts_fast(study)
-        choice = choose(study, orders=ORDERS[:1], fast=counted, solve=False)
+        counts_fast = _counts_fast(study)
+        choice = choose(study, orders=ORDERS[:1], fast=counts_fast, solve=False)
         errors = measured_errors(study, choice.candidates, choice.names, choice.layer)
         if errors.get(0, float("nan")) <= LARGEST:
             # Only where something is separated are corrections of use; elsewhere they may run for minutes.
-            choice = choose(study, orders=ORDERS, fast=counted, solve=False)
+            choice = choose(study, orders=ORDERS, fast=counts_fast, solve=False)
             errors = measured_errors(study, choice.candidates, choice.names, choice.layer)
     except (GspError, NotImplementedError, np.linalg.LinAlgError):
         return {}
@@ -86,7 +86,7 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         reduction = Reduction(
             name=part.name, scene=shown, order=c.order, error=error,
             measured=(scene.span[0] + choice.layer, scene.span[1]),
-            full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=counted,
+            full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=counts_fast,
         )  # fmt: skip
         found[reduction] = study
     return found

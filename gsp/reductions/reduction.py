@@ -18,10 +18,9 @@ class Reduction(Card):
 
     The error is the largest of a slow variable over `measured`, the span behind the initial layer, relative to the
     largest value of the variable, of the reduced flow from the base point of the start, against the full run from the
-    start. With `counts_fast`, where no slow variable takes notice of the fast ones, or
-    moves by a tenth of its value, these count too. `seconds` are
-    those of a run, and `full_seconds` of one of the full system, measured together. `why_not` says why it does not
-    serve.
+    start. With `counts_fast`, where no slow variable takes notice of the fast ones, or none moves by a tenth of its
+    value, these count too. `seconds` are those of a run, and `full_seconds` of one of the full system, measured
+    together. `why_not` says why it does not serve.
     """
 
     name: str

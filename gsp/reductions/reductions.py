@@ -299,9 +299,12 @@ def _reason(
                 f"What may be left out: the {nearest.name}, on its solved manifold. No reduced flow stays within the "
                 f"tolerance {scene.tolerance:g} {over}: its error is {nearest.error:.2g} to order 0{further}."
             )
+        told = f"{nearest.name}, whose error is {nearest.error:.2g} to order 0{further}"
+        if best.error <= scene.tolerance:
+            return f"Do not reduce: no candidate serves {over}. The nearest is the {told}; but {best.why_not}."
         return (
             f"Do not reduce: no candidate stays within the tolerance {scene.tolerance:g} {over}. The nearest is the "
-            f"{nearest.name}, whose error is {nearest.error:.2g} to order 0{further}."
+            f"{told}."
         )
     if not gaps.size:
         return "Do not reduce: there is one state only."

@@ -101,11 +101,6 @@ def with_errors(
 
 def _error(scene: Scene, run: Trajectory, small: SmallParameter) -> float:
     first, last = scene.span
-    try:
-        reduced = small.reduced_field
-    except GspError:
-        # At the scene's own values a rate of the reduction divides by 0.
-        return float("inf")
     epsilon = small.epsilon
     layer = VectorField(
         {z: laurent(rate, epsilon, order=-1).get(-1, sp.S.Zero) for z, rate in small.field.equations.items()},
@@ -117,6 +112,8 @@ def _error(scene: Scene, run: Trajectory, small: SmallParameter) -> float:
         return trajectory_of(flow, start=start, span=scene.span, epsilon=None, rtol=RTOL, atol=atol)
 
     try:
+        # Refused where a rate of the reduction divides by 0 at the scene's own values.
+        reduced = small.reduced_field
         landing = over(layer, dict(scene.start))
         if not landing.status.ok:
             return float("inf")

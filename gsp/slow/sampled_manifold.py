@@ -84,12 +84,18 @@ class SampledManifold(Card, Tabular):
             defect = defect_of(self.branch, self._surface, self.epsilon, array)[0]
         return defect[0] if single else defect
 
+    def covers(self, x: np.ndarray) -> np.ndarray:
+        """Which coordinates (m, n_slow) of points `x` (m, n_slow) lie in the region, to rounding."""
+        low, high = np.array([self.region[s.name] for s in self.branch.system.x]).T
+        margin = EDGE * (high - low)
+        return (x >= low - margin) & (x <= high + margin)
+
     def _inside(self, x) -> tuple[np.ndarray, bool]:
         array, single = as_points(self.branch.system.x, x, what="x")
+        covered = self.covers(array)
         for i, symbol in enumerate(self.branch.system.x):
             low, high = self.region[symbol.name]
-            margin = EDGE * (high - low)
-            outside = array[~((array[:, i] >= low - margin) & (array[:, i] <= high + margin)), i]
+            outside = array[~covered[:, i], i]
             if outside.size:
                 raise GspError(
                     f"the manifold covers {symbol} in [{low:g}, {high:g}].",

@@ -72,6 +72,10 @@ class Surface:
     region = MappingProxyType({"x": (-9.0, 9.0)})
 
     @staticmethod
+    def covers(points: np.ndarray) -> np.ndarray:
+        return np.abs(points) <= 9.0
+
+    @staticmethod
     def evaluate(points: np.ndarray) -> np.ndarray:
         return 0.5 * points - Surface.error_estimates
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import sympy as sp
 
 from gsp.choice.choice import Choice, choose
 from gsp.choice.verdict import Answer
 from gsp.readers.loading import load_noted
 from gsp.reductions.reductions import find_reductions
-from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import take_fast, without_small
-from gsp.systems.system import VectorField
+from tests.reductions.test_reductions import scene
 
 SYSTEMS = sorted((Path(__file__).parents[1] / "systems").glob("*.toml"))
 # Quick ones, of which the second and the third ended in an error.
@@ -62,12 +61,7 @@ def test_a_reduction_that_is_foretold_too_is_no_chance() -> None:
         "sig": 0.4,
         "steer": 0.02,
     }
-    names = {name: sp.Symbol(name) for name in (*rates, *values)}
-    field = VectorField(
-        {names[z]: sp.sympify(rate, locals=names) for z, rate in rates.items()},
-        parameters={names[p]: value for p, value in values.items()},
-    )
-    car = Scene(field, {}, dict.fromkeys(rates, 0.0), (0, 2), tolerance=0.02)
+    car = replace(scene(rates, values, dict.fromkeys(rates, 0.0), 2), tolerance=0.02)
     found = find_reductions(car)
     assert found.recommended is not None
     assert found.recommended.name == "quasi-steady state of Ff, Fr"

@@ -20,7 +20,7 @@ from gsp.choice.costs import Cost, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer
 from gsp.cli import cli
-from gsp.reductions import measurement
+from gsp.reductions import measurement, reductions
 from gsp.reductions.fast_parts import fast_parts
 from gsp.reductions.reductions import find_reductions
 from gsp.scenes.study import Study
@@ -651,3 +651,20 @@ def test_the_complex_of_a_total_quasi_steady_state_is_the_fast_variable() -> Non
     assert [s.name for s in found.study.system.y] == ["b"]
     # b begins at 0, its largest value away from where it is slaved.
     assert choose(found.study).layer_error == pytest.approx(1, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(0.004, "but the tolerance needs"), (0.02, "no candidate stays within")]
+)
+def test_that_nothing_stays_within_the_tolerance_is_said_only_where_it_is_so(error: float, said: str) -> None:
+    found = find_reductions(scene({"x": "-x", "y": "60*(x - y)"}, {}, {"x": 1, "y": 1}, 4))
+    assert found.nearest is not None
+    needs = "the tolerance needs time scales 6.9 times apart: 5.0"
+    first = replace(found.nearest, error=0.08)
+    second = replace(found.nearest, order=1, error=error, why_not=needs)
+    told = reductions._reason(
+        replace(found.scene, tolerance=0.01), [first, second], None, first, np.array([5.0]), False
+    )
+    assert told.startswith("Do not reduce: ")
+    assert said in told
+    assert ("no candidate stays within" in told) is (error > 0.01)
