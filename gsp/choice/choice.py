@@ -237,10 +237,8 @@ def choose(
 
 def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tuple[Candidate, Candidate | None]:
     """(model, the reduced one that serves part of the span), given every candidate's cost."""
-    valid = [c for c in reduced if c.valid]
-    if valid:
-        # Sorted by order: ties go to the lowest order.
-        best = next(c for c in valid if not any(cost_beside(o, c) is Cost.LESS for o in valid))
+    best = serving_of(full, reduced)
+    if best is not None:
         return (full if full.valid and cost_beside(best, full) is not Cost.LESS else best), None
     flows = [c for c in reduced if c.order is not None]
     if not flows:

@@ -38,6 +38,12 @@ def cost_beside(model: Candidate, other: Candidate) -> Cost:
     return Cost.MORE if all(its <= WORTH_IT * own for own, its in pairs) else Cost.SAME
 
 
+def cheapest(serving: Sequence[Candidate]) -> Candidate | None:
+    """The first of those that serve, the simplest first, that no other is clearly cheaper than; None of none."""
+    dear = (any(cost_beside(other, one) is Cost.LESS for other in serving) for one in serving)
+    return next((one for one, is_dear in zip(serving, dear) if not is_dear), None)
+
+
 def timed(trials: Sequence[Trial]) -> list[Candidate]:
     """The candidates of `trials` with their timings, seconds over the span.
 

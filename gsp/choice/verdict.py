@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.choice.candidates import INTEGRATION, LARGEST_LAYER, Candidate, ModelKind
-from gsp.choice.costs import Cost, cost_beside
+from gsp.choice.costs import Cost, cheapest, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
 from gsp.systems.region import Interval
@@ -131,8 +131,9 @@ def judge(evidence: Evidence) -> Verdict:
 
 
 def serving_of(model: Candidate, candidates: Sequence[Candidate]) -> Candidate | None:
-    """The reduced model that a Yes speaks of: the one chosen, or the first that would serve where none pays."""
-    return model if model.kind is not ModelKind.FULL else next((c for c in candidates if c.valid), None)
+    """The reduced model that a Yes speaks of: the one chosen, or the one that costs least where none pays."""
+    # Sorted by order: ties go to the lowest order.
+    return model if model.kind is not ModelKind.FULL else cheapest([c for c in candidates if c.valid])
 
 
 def _off(shown: Candidate, evidence: Evidence) -> str:

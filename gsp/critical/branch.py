@@ -17,7 +17,7 @@ from gsp.algebra.brevity import brief, listed
 from gsp.algebra.differentiation import entries
 from gsp.algebra.factorisation import coefficients
 from gsp.critical.common_units import own_sizes
-from gsp.critical.sheet_continuation import PIECES, SheetContinuation
+from gsp.critical.sheet_continuation import LEAST_SHARE, PIECES, SheetContinuation
 from gsp.critical.sheet_points import (
     NEWTON_STEPS,
     NEWTON_TOLERANCE,
@@ -249,9 +249,13 @@ class Branch(Portable, Card):
         x0, (ux, uy) = np.array(self.seed[0]), self.scales
         rows = (x0[None, :] / ux, np.array([self.seed[1]]) / uy, target[None, :] / ux)
         y, share = self._continuation.walked(*rows)
-        fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0] * uy))
         end = self._shown(x0 + share[0] * (target - x0))
-        return f"the sheet through {self._shown(x0)} ends at {end}, {fast} (a fold?) and has no point"
+        begun = f"the sheet through {self._shown(x0)}"
+        # Even the root of a pole is that large where so little of the way is left.
+        if np.abs(y[0]).max() > LEAST_SHARE**-0.5:
+            return f"{begun} goes to infinity at {end} and has no point"
+        fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0] * uy))
+        return f"{begun} ends at {end}, {fast} (a fold?) and has no point"
 
     @property
     def _continuation(self) -> SheetContinuation:

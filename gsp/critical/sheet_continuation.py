@@ -13,6 +13,8 @@ from gsp.kernels.sheets import ROUNDING, TRUSTED
 # Pieces into which a straight line in x is cut, one after the other, when a sheet is followed along it; then steps
 # are halved where the sheet bends.
 PIECES = (1, 4, 16)
+# A sheet ends where no more than this share of the way is left to the place that its steps do not reach.
+LEAST_SHARE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,7 @@ class SheetContinuation:
         share, length = np.zeros(len(x0)), np.full(len(x0), 1.0 / PIECES[-1])
         orientation = self.orientation(x0, y0)
         active = np.arange(len(x0))
-        # Towards a fold about three trials halve what is left of the way, and the sheet ends where 1e-13 of it is.
+        # Towards a fold about three trials halve what is left of the way.
         for _ in range(600):
             if len(active) == 0 or (allowance is not None and not allowance.take(len(active))):
                 break
@@ -83,7 +85,7 @@ class SheetContinuation:
             share[moved] = np.where(share_tried[good] < length[moved], 1.0, share[moved] + share_tried[good])
             length[moved] *= 2.0
             length[active[~good]] = 0.5 * share_tried[~good]
-            active = active[(share[active] < 1.0) & (length[active] > 1e-13)]
+            active = active[(share[active] < 1.0) & (length[active] > LEAST_SHARE)]
         return y, share
 
     def continued(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -314,11 +314,14 @@ def _elsewhere(branch: Branch, layer: LayerFlow, y, point, run) -> str:
     there = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.y, point * layer.units))
     over = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.x, layer.x))
     backward = "" if layer.direction > 0 else " run backward, as the branch repels,"
-    how = "" if run.status.ok else f" ({run.status.name})"
+    leads, remedy = f"leads to {end}", "Project to the branch it leads to, or move the start."
+    if not run.status.ok and np.abs(run.y[:, -1]).max() > np.sqrt(1.0 / ROUNDING):
+        leads, remedy = "leads off to infinity", "Move the start."
+    elif not run.status.ok:
+        leads += f" ({run.status.name})"
     return (
         f"the start is outside the basin of the branch {branch}: over {over} the layer flow from {start}{backward} "
-        f"leads to {end}{how} after fast time {run.t[-1]:.4g}, not to {there}. "
-        "Project to the branch it leads to, or move the start."
+        f"{leads} after fast time {run.t[-1]:.4g}, not to {there}. {remedy}"
     )
 
 

@@ -10,15 +10,16 @@ import numpy as np
 
 from gsp.choice.candidates import GRID_POINTS
 from gsp.choice.choice import Choice
-from gsp.choice.costs import Cost, cost_beside
+from gsp.choice.costs import cheapest
 from gsp.choice.measured_errors import RTOL
-from gsp.choice.verdict import seconds_shown
+from gsp.choice.verdict import seconds_shown, serving_of
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.reductions.fast_directions import fast_directions
 from gsp.reductions.fast_parts import FastPart, fast_parts
 from gsp.reductions.measurement import (
     LARGEST,
+    LEADING,
     field_of,
     is_solved,
     measure,
@@ -46,10 +47,11 @@ class Reductions(Card):
     """What may be left out of a scene: the candidates measured, by error, and the one that is `recommended`.
 
     `recommended` is the cheapest within the scene's tolerance, None where none serves: do not reduce. `nearest` is the
-    one of order 0 that is least in error, None where that is above a tenth: then nothing is separated, and nothing is
-    offered. `solved` is whether the flow on its solved manifold serves, where no reduced flow does. `reason` says
-    which, and why. `scales` are the time scales along the run, and `special` the special values
-    of its parameters with so many fast directions as are separated, found exactly, least in `error` first.
+    one of order 0 that is least in error, or of order 1 where none of order 0 is right to a tenth; None where none of
+    these is: then nothing is separated, and nothing is offered. `solved` is whether the flow on its solved manifold
+    serves, where no reduced flow does. `reason` says which, and why. `scales` are the time scales along the run, and
+    `special` the special values of its parameters with so many fast directions as are separated, found exactly, least
+    in `error` first.
     """
 
     scene: Scene
@@ -122,10 +124,17 @@ class Reductions(Card):
             return replace(each, candidate=candidate, full_seconds=choice.candidates[-1].seconds)
 
         rows = {each: costed(each) for each in self.found}
+        recommended = self.recommended
+        if recommended is not None:
+            # The order that the answer speaks of, the same in both.
+            best = serving_of(choice.model, choice.candidates[:-1])
+            order = recommended.order if best is None or best.order is None else best.order
+            same = [e for e in self.found if (e.name, e.order) == (recommended.name, order) and not e.why_not]
+            recommended = same[0] if same else recommended
         return replace(
             self,
             found=tuple(rows.values()),
-            recommended=None if self.recommended is None else rows[self.recommended],
+            recommended=None if recommended is None else rows[recommended],
             nearest=None if self.nearest is None else rows[self.nearest],
         )
 
@@ -216,7 +225,11 @@ def find_reductions(
         look_at(SpecialPart(e) for e in special[:MEASURED] if e.error is not None and e.error <= LARGEST)
     timed = timed_together(plain, found)
     timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))
-    recommended = _cheapest([each for each in timed if not each.why_not])
+    serving = {
+        each.candidate: each for each in sorted(timed, key=lambda r: (r.order, r.error)) if not each.why_not
+    }
+    best = cheapest(list(serving))
+    recommended = None if best is None else serving[best]
     nearest = _nearest(timed)
     solved = recommended is None and nearest is not None and is_solved(found[nearest])
     reason = _reason(plain, timed, recommended, nearest, gaps, solved)
@@ -261,17 +274,9 @@ def _screened(
 
 
 def _nearest(found: Iterable[Reduction]) -> Reduction | None:
-    """The reduction of order 0 that is least in error, where that is small."""
-    errors = [each for each in found if each.order == 0 and each.error <= LARGEST and each.candidate.follows]
-    return min(errors, key=lambda each: each.error, default=None)
-
-
-def _cheapest(serving: Sequence[Reduction]) -> Reduction | None:
-    """The simplest of those that no other is clearly cheaper than."""
-    for each in sorted(serving, key=lambda r: (r.order, r.error)):
-        if not any(cost_beside(other.candidate, each.candidate) is Cost.LESS for other in serving):
-            return each
-    return None
+    """The reduction of leading order that is least in error, where that is small."""
+    errors = [e for e in found if e.order in LEADING and e.error <= LARGEST and e.candidate.follows]
+    return min(errors, key=lambda each: (each.order, each.error), default=None)
 
 
 def _reason(
@@ -282,7 +287,8 @@ def _reason(
     gaps: np.ndarray,
     solved: bool,
 ) -> str:
-    over = f"over t = {scene.span[0]:g} to {scene.span[1]:g}"
+    first, last = scene.span
+    over = f"over t = {first:g} to {last:g}"
     if recommended is not None:
         begin, end = recommended.measured
         return (
@@ -291,15 +297,18 @@ def _reason(
             f"{recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
         )
     if nearest is not None:
-        corrected = [e for e in found if e.name == nearest.name and e.order and e.candidate.follows]
+        corrected = [
+            e for e in found if e.name == nearest.name and e.order > nearest.order and e.candidate.follows
+        ]
         best = min(corrected, key=lambda each: each.error, default=nearest)
         further = f", and {best.error:.2g} to order {best.order}" if best.error < nearest.error else ""
+        to_order = f"{nearest.error:.2g} to order {nearest.order}{further}"
         if solved:
             return (
                 f"What may be left out: the {nearest.name}, on its solved manifold. No reduced flow stays within the "
-                f"tolerance {scene.tolerance:g} {over}: its error is {nearest.error:.2g} to order 0{further}."
+                f"tolerance {scene.tolerance:g} {over}: its error is {to_order}."
             )
-        told = f"{nearest.name}, whose error is {nearest.error:.2g} to order 0{further}"
+        told = f"{nearest.name}, whose error is {to_order}"
         if best.error <= scene.tolerance:
             return f"Do not reduce: no candidate serves {over}. The nearest is the {told}; but {best.why_not}."
         return (
@@ -310,11 +319,12 @@ def _reason(
         return "Do not reduce: there is one state only."
     widest = float(gaps.max())
     if widest == 0.0:
-        return f"Do not reduce: no mode decays ahead of the others {over}."
+        return f"Do not reduce: no mode decays ahead of the others over most of t = {first:g} to {last:g}."
     if widest < needed_gap(LARGEST):
         return (
-            f"Do not reduce: nothing is separated {over}. Where modes decay the next is at most {widest:.1f} times as "
-            f"slow, and {needed_gap(LARGEST):.1f} times are needed for a layer to pass before the rest has moved."
+            f"Do not reduce: nothing is separated over most of t = {first:g} to {last:g}. There the next mode is at "
+            f"most {widest:.1f} times as slow as one that decays, and {needed_gap(LARGEST):.1f} times are needed for a "
+            "layer to pass before the rest has moved."
         )
     return f"Do not reduce: no part of the field is fast, attracts and lets the rest follow {over}."
 

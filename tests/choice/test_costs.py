@@ -78,6 +78,15 @@ def test_a_saving_that_two_measurements_do_not_share_is_about_the_same(
     assert words in found.speed
 
 
+def test_a_yes_that_does_not_pay_speaks_of_what_costs_least(clock) -> None:
+    seconds = {2: 5.0, 3: 2.0, None: 1.0}
+    two, three, full = timed([clock.trial(order, *6 * [each]) for order, each in seconds.items()])
+    model, _ = select(full, [two, three], (0.0, 1.0))
+    assert model is full
+    found = judge(Evidence(scene=PLAIN, candidates=(two, three, full), model=model))
+    assert "the reduced flow of order 3" in str(found)
+
+
 def test_what_is_dear_is_run_twice_and_one_slow_run_makes_nothing_dear(clock) -> None:
     quick, hindered, dear = timed(
         [clock.trial(0, *6 * [1.0]), clock.trial(1, 500.0, *5 * [1.5]), clock.trial(2, 400.0, 300.0)]

@@ -167,3 +167,10 @@ def test_a_start_outside_the_basin_is_told_which_way_the_layer_was_followed(sign
     with pytest.raises(BranchError, match="outside the basin") as caught:
         landing(sign * (y**3 - y), -0.5, 1.0)
     assert ("run backward, as the branch repels" in str(caught.value)) is (sign > 0)
+    assert "leads to y = -1" in str(caught.value) or "leads to y = 0" in str(caught.value)
+
+
+def test_a_layer_that_goes_off_to_infinity_is_told_so() -> None:
+    with pytest.raises(BranchError, match=r"leads off to infinity after fast time .* Move the start") as caught:
+        landing(y**2 - 1, 3.0, -1.0)
+    assert "e+" not in str(caught.value)

@@ -156,11 +156,19 @@ def test_a_run_that_is_interrupted_before_its_start_is_found_has_the_start(monke
 
 
 @pytest.mark.parametrize(
-    ("name", "changing"), [("linear", 0), ("chaplygin_sleigh", 0), ("michaelis_menten", 2)]
+    ("name", "order", "changing"),
+    [
+        ("linear", 1, 0),
+        ("linear", 2, 0),
+        ("chaplygin_sleigh", 1, 0),
+        ("chaplygin_sleigh", 3, 0),
+        ("michaelis_menten", 1, 2),
+        ("michaelis_menten", 3, 2),
+    ],
 )
-def test_what_cannot_change_along_a_run_is_looked_at_where_it_begins_alone(name, changing):
+def test_what_cannot_change_along_a_run_is_looked_at_where_it_begins_alone(name, order, changing):
     found = study(load(name))
-    flow = found.reduced(1)
+    flow = found.reduced(order)
     validity = validity_of(flow)
     assert flow.tests.count == flow.tests.functions[WATCHED] == changing
     # By numbers: what is left out is the same all over the region.

@@ -672,7 +672,8 @@ def test_the_test_functions_of_blocks_are_those_of_the_whole_jacobian(case):
     if validity.watches_pairs:
         pair = {"two and one": J[:2, :2], "one and two": J[1:, 1:]}[case]
         assert abs(hurwitz) == pytest.approx(abs(np.trace(pair)), rel=1e-12)
-        assert size == pytest.approx(np.linalg.norm(pair), rel=1e-12)
+        moduli = np.abs(pair)
+        assert size == pytest.approx(np.trace(moduli) + np.sqrt(np.trace(moduli @ moduli)), rel=1e-12)
     pulled = validity.pulled(point, [np.nan])
     assert pulled == pytest.approx(-delta * np.linalg.solve(J, g_x), rel=1e-10)
 
@@ -768,3 +769,24 @@ def test_an_eigenvalue_that_touches_zero_ends_a_run_where_classify_says_that_it_
 def test_an_eigenvalue_that_comes_near_zero_and_turns_ends_nothing() -> None:
     system = SlowFastSystem(slow={x: ONE}, fast={y: (SQUARE + sp.Rational(1, 1000)) * (x - y)}, epsilon=eps)
     assert run(system, {"x": 0, "y": 0}, span=(0, 3), epsilon=0.01).status.ok
+
+
+def test_the_tests_of_a_run_have_no_units() -> None:
+    """A piston in metres and oil in pascals: the pair is as far from the axis as with both in units of their size."""
+
+    def tests_of(unit: sp.Expr) -> np.ndarray:
+        fast = {y: (2 * x - 3 * y - z / unit) * (1 + y**2), z: unit * (y - (1 + x) * z / unit)}
+        system = SlowFastSystem(slow={x: 1 - y}, fast=fast, epsilon=eps)
+        (branch,) = gsp.solve_critical(system).branches
+        begun = branch.through({"x": 0.5, "y": 0.3, "z": float(0.2 * unit)})
+        flow = gsp.restrict(gsp.expand(begun, order=2), order=2)
+        validity, p = Validity(flow), np.array([0.05])
+        state = np.array(flow.initial({"x": 0.5, **dict(zip("yz", begun.points({"x": 0.5})))}))
+        return validity.tests(validity.lift(state, p), p)
+
+    plain = tests_of(sp.Integer(1))
+    for unit in (sp.Integer(10) ** 12, sp.Rational(1, 10**9)):
+        found = tests_of(unit)
+        delta, hurwitz, q, _, size = found[:5]
+        assert (delta, hurwitz, size) == pytest.approx(tuple(plain[[0, 1, 4]]), rel=1e-9)
+        assert q == pytest.approx(plain[2], rel=1e-9)

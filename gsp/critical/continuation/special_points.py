@@ -66,7 +66,9 @@ class SpecialPoint(Card):
 
     def __str__(self) -> str:
         place = ", ".join(f"{name} = {value:.10g}" for name, value in self.point.items())
-        rest = ", ".join(f"{name} = {value:.6g}" for name, value in self.coefficients.items())
+        # That of a loss is along the slow flow.
+        names = {"crossing": "crossing along the curve"}
+        rest = ", ".join(f"{names.get(n, n)} = {value:.6g}" for n, value in self.coefficients.items())
         return f"{self.kind} at {place}" + (f" ({rest})" if rest else "")
 
     def __repr__(self) -> str:

@@ -78,8 +78,11 @@ class FastBlocks:
 
     def inverse_trace(self, *, relative: bool) -> tuple[sp.Expr, sp.Expr]:
         """What |d/dt tr J^-1| is measured by, and how often it holds that: 1 where it is `relative`, else |D|^3."""
-        delta, drift = size(self.determinant), size(self._inverse_trace_rate())
+        delta, rate = size(self.determinant), self._inverse_trace_rate()
         cube = times(delta, delta, delta)
+        if rate is sp.S.Zero:
+            return (sp.S.One if relative else cube), rate
+        drift = size(rate)
         return (sp.S.One, times(drift, sp.Pow(cube, -1, evaluate=False))) if relative else (cube, drift)
 
     def _inverse_trace_rate(self) -> sp.Expr:
@@ -101,12 +104,19 @@ class FastBlocks:
         return plus(moved)
 
     def pair_size(self) -> sp.Expr:
-        """What `hurwitz` is small beside: prod_b |J_b|^(n_b (n_b - 1)/2)."""
+        """What `hurwitz` is small beside: prod_b r_b^(n_b (n_b - 1)/2), r_b as the spectral radius of moduli |J_b|.
+
+        r = sum_k tr(|J|^k)^(1/k), k = 1 to n, which no units of the fast variables change.
+        """
         sizes = []
         for block in self.members:
             n = len(block)
-            norm = sp.Add(*[self._g_y[i][j] ** 2 for i in block for j in block])
-            sizes.append(norm ** sp.Rational(n * (n - 1), 4))
+            power = moduli = [[size(self._g_y[i][j]) for j in block] for i in block]
+            radii = [plus([moduli[i][i] for i in range(n)])]
+            for k in range(2, n + 1):
+                power = _product(power, moduli)
+                radii.append(sp.Pow(plus([power[i][i] for i in range(n)]), sp.Rational(1, k), evaluate=False))
+            sizes += [plus(radii)] * (n * (n - 1) // 2)
         return times(*sizes)
 
     def pulled(self) -> tuple[list[sp.Expr], tuple[Call, ...]]:

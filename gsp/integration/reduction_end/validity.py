@@ -154,8 +154,10 @@ class Validity(Portable):
         """Q, or with `relative` Q by |Delta|^3; at orders above 1 what the fall of the terms says, if that is more."""
         growth = sp.Integer(-max(1, 3 * (self.order - 1)))
         unit, drift = self._parts.inverse_trace(relative=relative)
+        if drift is sp.S.Zero:
+            return unit
         q = plus([unit, times(self.epsilon, drift, growth)])
-        return largest(self._fall, q) if self.watches_terms else q
+        return largest(times(self._fall, unit), q) if self.watches_terms else q
 
     def watched(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which columns (w,) of `tests` a run watches, and the signs (m, w) that they keep from starts with `rows`."""
@@ -200,15 +202,21 @@ class Validity(Portable):
 
     @cached_property
     def lift(self) -> CompiledFunction:
-        """(x, y) on M0 over the states of the reduced flow, and by how much the squares of the last two terms fall."""
+        """(x, y) on M0 over the states of the reduced flow, and the shares by which the last two terms fall."""
         return self._over(self._coordinates, [*self._base, self._falls])
 
     @cached_property
     def _falls(self) -> sp.Expr:
+        """Of each fast variable the fall of the square of its terms as a share of their sum: no units, as in Q."""
         if not self.watches_terms:
             return sp.S.Zero
-        before, last = (plus([times(term, term) for term in terms]) for terms in self._last_terms)
-        return plus([before, times(last, sp.S.NegativeOne)])
+        falls = []
+        for before, last in zip(*([times(term, term) for term in terms] for terms in self._last_terms)):
+            # The least double keeps terms that are both 0 from having no share.
+            whole = plus([before, last, sp.Rational(float(np.finfo(float).tiny))])
+            fall = plus([before, times(last, sp.S.NegativeOne)])
+            falls.append(times(fall, sp.Pow(whole, -1, evaluate=False)))
+        return plus(falls)
 
     def point(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(x, y) on M0 over one state of the reduced flow."""
