@@ -56,12 +56,12 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         counted, shown = _scenes(scene, part)
         study = Study(counted)
         counts_fast = _counts_fast(study)
-        choice = choose(study, orders=LEADING, fast=counts_fast, solve=False)
-        errors = measured_errors(study, choice.candidates, choice.names, choice.layer)
-        if _is_separated(errors):
-            # Only where something is separated are corrections of use; elsewhere they may run for minutes.
-            choice = choose(study, orders=ORDERS, fast=counts_fast, solve=False)
+        # Only where something is separated are corrections of use; elsewhere they may run for minutes.
+        for orders in (LEADING[:1], LEADING, ORDERS):
+            choice = choose(study, orders=orders, fast=counts_fast, solve=False)
             errors = measured_errors(study, choice.candidates, choice.names, choice.layer)
+            if not choice.candidates[0].follows or (orders is LEADING and not _is_separated(errors)):
+                break
     except (GspError, NotImplementedError, np.linalg.LinAlgError):
         return {}
     full = choice.candidates[-1]

@@ -49,12 +49,18 @@ def principal_part(field: VectorField) -> tuple[list[sp.Expr], list[sp.Expr]]:
     assert epsilon is not None
     layer, drift = [], []
     for rate in field.rates:
-        pole, regular = [], []
+        pole, regular, entangled = [], [], []
+        for term in sp.Add.make_args(rate):
+            # What is as it stands over epsilon, or without it, keeps its form: enclosures depend on it.
+            free, bound = term.as_independent(epsilon, as_Add=False)
+            own = {1 / epsilon: pole, sp.S.One: regular}.get(bound)
+            (entangled.append(term) if own is None else own.append(free))
         # Expansion in epsilon only: products of sums that contain it are multiplied out, the rest is kept.
         # Exponentials are hidden, as SymPy's `collect` makes powers exp(u)**(1/5) of exp(u/5).
         hidden = {atom: sp.Dummy() for atom in rate.atoms(sp.exp)}
         meaning = {symbol: atom for atom, symbol in hidden.items()}
-        collected = sp.collect(sp.expand_mul(rate.xreplace(hidden)), epsilon, evaluate=True).xreplace(meaning)
+        bound_up = sp.expand_mul(sp.Add(*entangled).xreplace(hidden))
+        collected = sp.collect(bound_up, epsilon, evaluate=True).xreplace(meaning)
         for term in sp.Add.make_args(collected):
             for part in sp.Add.make_args(sp.expand_mul(term)):
                 if not pole_order(part, epsilon):
@@ -65,7 +71,7 @@ def principal_part(field: VectorField) -> tuple[list[sp.Expr], list[sp.Expr]]:
                 if (part - residue / epsilon).expand() != 0:
                     regular.append(lowest_terms(part - residue / epsilon))
         total = sp.Add(*pole)
-        layer.append(tidy(total))
+        layer.append(tidy(total) if sp.expand_mul(total) != 0 else sp.S.Zero)
         drift.append(sp.Add(*regular))
     return layer, drift
 

@@ -471,7 +471,7 @@ def test_long_directions_are_told_in_a_line_each() -> None:
         z: sp.Add(*[(1 + states[(i + j) % 5] / 3) * part for j, part in enumerate(layer)])
         for i, z in enumerate(states)
     }
-    told = split(field({z: rate / eps - z for z, rate in bent.items()})).explain()
+    told = split(field({z: sp.expand(rate) / eps - z for z, rate in bent.items()})).explain()
     assert "operations)" in told
     assert len(told) < 40 * 300
 
@@ -535,3 +535,16 @@ def test_a_thousand_states_are_split() -> None:
     result = split(_fast_pairs(500))
     assert len(result.system.x) == len(result.system.y) == 500
     assert "constant" in result.route
+
+
+def test_a_field_keeps_the_form_in_which_it_is_written() -> None:
+    """Multiplied out, the slope of (h - x) sqrt(1 + (h - x)^2) is a difference that no enclosure sees through."""
+    h, x = sp.symbols("h x")
+    valve = (h - x) * sp.sqrt((h - x) ** 2 + 1)
+    found = split(field({h: (-3 * h - valve) / eps, x: valve - x}))
+    assert found.system.g[0].has(valve)
+    assert found.system.f[0] == valve - x
+    # What cancels does so all the same.
+    cancels = split(field({h: (2 - h) / eps, x: x * (h - 1) / eps - (x * h - x) / eps + x}))
+    assert [s.name for s in cancels.system.y] == ["h"]
+    assert cancels.system.f[0] == x
