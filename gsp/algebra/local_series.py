@@ -166,6 +166,13 @@ class LocalSeries(Subtractable):
         """Whether all its parts vanish."""
         return all(part.is_zero() for part in self.parts)
 
+    def is_rounding_of(self, other: LocalSeries) -> bool:
+        """Whether it is zero beside `other`, degree by degree: exactly, where all numbers are exact."""
+        if self.ring.is_exact:
+            return self.is_zero
+        sizes = [max(map(abs, other[k].coeffs()), default=flint.fmpq(0)) for k in range(len(self.parts))]
+        return all(abs(c) <= ZERO * size for part, size in zip(self.parts, sizes) for c in part.coeffs())
+
     def inverse(self) -> LocalSeries:
         """1/self by v = v_0 (1 - (u - u_0) v), one more degree at each step."""
         try:

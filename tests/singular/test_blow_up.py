@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import random
 
 import numpy as np
@@ -10,8 +11,12 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.algebra.algebraic_numbers import AlgebraicPoint
+from gsp.critical.continuation.special_points import special_point
+from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
 from gsp.singular.blow_up.local_form import BlowUpError
+from gsp.singular.blow_up.nilpotent_points import nilpotent_point
 from gsp.singular.blow_up.weights import diagram, least_weights
 
 x, y, z, u, a, b, q, eps = sp.symbols("x y z u a b q epsilon")
@@ -361,3 +366,53 @@ def test_a_fold_persists_so_that_no_parameter_has_a_weight_also_among_functions(
     (fold,) = (point for point in curve.special if side * (point.point["v"] - 0.2) > 0)
     found = gsp.blow_up(system, near=fold, parameters=["a", "b", "w"])
     assert {str(s): weight for s, weight in found.weights.items() if weight} == {"v": 1, "x": 2, "epsilon": 3}
+
+
+def coupled(c: str) -> gsp.SlowFastSystem:
+    """Two oscillators: over y1 = y2 they move alike, and lose that in a cusp where x^2 = 1 - 2 c."""
+    x1, x2, y1, y2 = sp.symbols("x1 x2 y1 y2")
+    pull = sp.Rational(c) * (x2 - x1)
+    fast = {x1: y1 + x1 - x1**3 / 3 + pull, x2: y2 + x2 - x2**3 / 3 - pull}
+    return gsp.SlowFastSystem(
+        slow={y1: sp.Rational(2, 5) - x1, y2: sp.Rational(2, 5) - x2}, fast=fast, epsilon=eps
+    )
+
+
+def test_a_cusp_of_two_fast_directions_is_found_where_it_is() -> None:
+    """Along the diagonal y ~ t passes the pitchfork v' = y v - v^3 + d, d' = v: (1, 2, 3; 4) for v, y, d and epsilon.
+
+    Beside the cusp, where the double that names it is a fold, epsilon^(1/3) and epsilon^(1/6) were told.
+    """
+    system = coupled("1/5")
+    x = -math.sqrt(0.6)
+    y = x**3 / 3 - x
+    problem = LayerProblem(system, system.x, {})
+    cusp = special_point(problem, np.array([y, y, x, x]), LossKind.CUSP)
+    point = nilpotent_point(system, cusp.point, LossKind.CUSP)
+    values = point.numbers() if isinstance(point, AlgebraicPoint) else {s: float(v) for s, v in point.items()}
+    assert {s.name: float(v) for s, v in values.items()} == pytest.approx(dict(cusp.point), rel=1e-15)
+    found = gsp.blow_up(system, near=cusp)
+    assert found.weights == {"x2": 1, "y1": 3, "y2": 2, "epsilon": 4}
+
+
+def test_a_folded_singularity_of_two_fast_directions_is_where_the_flow_turns() -> None:
+    """On the fold of x1 far from that of x2 the desingularised flow rests where <l, g_x f> = 0, l its null vector."""
+    system = coupled("1/10")
+    states = sp.symbols("x1 x2 y1 y2")
+
+    def l_g_x_f(values) -> float:
+        x1, x2, *_ = (float(values[s]) for s in states)
+        jacobian = np.array([[1 - x1**2 - 0.1, 0.1], [0.1, 1 - x2**2 - 0.1]])
+        left = np.linalg.svd(jacobian.T)[2][-1]
+        assert abs(np.linalg.det(jacobian)) < 1e-12
+        return float(left @ [0.4 - x1, 0.4 - x2])
+
+    x1, x2 = math.sqrt(0.9 - 0.01 / 0.65), -0.5
+    near = {"x1": x1, "x2": x2, "y1": x1**3 / 3 - x1 - 0.1 * (x2 - x1), "y2": x2**3 / 3 - x2 + 0.1 * (x2 - x1)}
+    plain = nilpotent_point(system, near)
+    assert not isinstance(plain, AlgebraicPoint)
+    assert abs(l_g_x_f(plain)) > 0.01
+    turning = {"x1": 0.96876806, "x2": -1.07687617, "y1": -0.4611369645, "y2": 0.4560408535}
+    turned = nilpotent_point(system, turning, LossKind.FOLDED_SINGULARITY)
+    held = turned.near(200) if isinstance(turned, AlgebraicPoint) else turned
+    assert abs(l_g_x_f(held)) < 1e-12

@@ -156,7 +156,7 @@ def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curv
     onset = saturates(problem, u, k + int(np.abs(phi).argmax()))
     kind = LossKind.SLIP_ONSET if onset else LossKind.FOLD
     if is_flat:
-        kind = LossKind.CUSP
+        kind, coefficients["a"] = LossKind.CUSP, 0.0
         g_y = problem.jacobian(u)[:, k:]
         coefficients["c"] = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
     return special_point(problem, u, kind, coefficients=coefficients, right=phi, left=psi)

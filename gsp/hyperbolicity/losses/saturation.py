@@ -63,8 +63,8 @@ def named_by_switch(
     for loss in losses:
         z = np.array([loss.point[s.name] for s in states])
         found = _fold(diagnosis, columns, z, NEAR) if loss.kind in ENDS else None
-        if loss.kind in (LossKind.FOLD, LossKind.RANK_CHANGE):
-            # A law that is flat from its end on, and fields that are tangent to the surface at one place.
+        if loss.kind in (LossKind.FOLD, LossKind.CUSP, LossKind.RANK_CHANGE):
+            # A law that is flat or bends no more at its end, and fields that are tangent to the surface at one place.
             found = _fold(diagnosis, columns, z, SAME)
         if found is not None:
             folds.append(found)

@@ -188,10 +188,10 @@ def _centre_manifold(
                 moved = moved + epsilon * own_h.derivative(j) * f
             wanted.append(moved - e)
         step = [_combination(ring, row, wanted) for row in inverse]
-        if all(e.is_zero for e in step):
+        if all(e.is_rounding_of(own_h) for e, own_h in zip(step, h)):
             return h
         h = [a + b for a, b in zip(h, step)]
-    raise AssertionError("the centre manifold's series did not come to rest")
+    raise BlowUpError("the series of the centre manifold does not come to rest at the point.")
 
 
 def _combination(ring: LocalRing, row: Sequence[Polynomial], series: Sequence[LocalSeries]) -> LocalSeries:

@@ -9,9 +9,9 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import AlgebraicPoint, InfinitelyManyPoints, rational_point
-from gsp.algebra.differentiation import derivative, jacobian
+from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
-from gsp.algebra.local_series import DENOMINATOR
+from gsp.algebra.local_series import BITS, DENOMINATOR
 from gsp.critical.layer_problem import NOTHING, LayerProblem, natural_scales
 from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
@@ -45,7 +45,7 @@ def nilpotent_point(system: SlowFastSystem, near: Mapping[str, float], kind: obj
     close = all(abs(guess[s] - value) * DENOMINATOR**2 <= sizes[s] for s, value in given.items())
     if close and _solves([*g], guess) and _solves([g_y.xreplace(guess).det()], {}):
         return rational_point(guess)
-    equations = [*g, g_y.det(method="berkowitz"), *_more(system, f, g, g_y, kind)]
+    equations = [*g, g_y.det(method="berkowitz"), *_more(system, f, g, g_y, given, kind)]
     held = _held(system, g, given, sizes, len(equations))
     free = [s for s in system.states if s not in held]
     start, units = (np.array([float(of[s]) for s in free]) for of in (given, sizes))
@@ -66,7 +66,9 @@ def nilpotent_point(system: SlowFastSystem, near: Mapping[str, float], kind: obj
     if best.exact is not None:
         values = dict(best.exact.values)
         values |= {s: rational_point({s: value}).values[s] for s, value in held.items()}
-        return AlgebraicPoint(best.exact.field, values)
+        point = AlgebraicPoint(best.exact.field, values)
+        # Over a double, as half way along a curve of folds, the numbers of the field have hundreds of digits each.
+        return point.near(BITS + 64) if any(v.q > DENOMINATOR for v in held.values()) else point
     return {s: held.get(s, sp.Rational(best.near.get(s, zero))) for s in system.states}
 
 
@@ -90,20 +92,28 @@ def _solves(equations: Sequence[sp.Expr], values: Mapping[sp.Symbol, sp.Rational
 
 
 def _more(
-    system: SlowFastSystem, f: Sequence[sp.Expr], g: Sequence[sp.Expr], g_y: sp.Matrix, kind: object
+    system: SlowFastSystem,
+    f: Sequence[sp.Expr],
+    g: Sequence[sp.Expr],
+    g_y: sp.Matrix,
+    given: Mapping[sp.Symbol, sp.Rational],
+    kind: object,
 ) -> list[sp.Expr]:
     """What vanishes besides at points of a `kind`, where several slow variables leave room for it."""
     if len(system.x) < 2:
         return []
     if kind is LossKind.BOGDANOV_TAKENS and len(g) == 2:
         return [g_y.trace()]
-    if len(g) > 1 or kind is None:
+    if kind not in (LossKind.CUSP, LossKind.FOLDED_SINGULARITY):
         return []
+    # Where g_y is singular its adjugate is r l^T, of its null vectors.
+    adjugate = g_y.adjugate(method="berkowitz")
+    sizes = np.abs(np.array(adjugate.xreplace(dict(given)).evalf(20), dtype=float))
+    i, j = np.unravel_index(np.argmax(sizes), sizes.shape)
     if kind is LossKind.CUSP:
-        return [derivative(g_y[0], system.y[0])]
-    if kind is LossKind.FOLDED_SINGULARITY:
-        return [sp.Add(*(derivative(g[0], s) * rate for s, rate in zip(system.x, f)))]
-    return []
+        slopes = jacobian([g_y.det(method="berkowitz")], system.y)
+        return [(slopes * adjugate.col(int(j)))[0]]
+    return [(adjugate.row(int(i)) * jacobian(g, system.x) * sp.Matrix(f))[0]]
 
 
 def _held(
