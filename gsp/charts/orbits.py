@@ -50,6 +50,7 @@ from gsp.charts.style import (
     orbit,
     plane_axes,
 )
+from gsp.integration.trajectory import Trajectory
 
 # Grid points of a field along each axis: streamlines end within one cell of a line of equilibria.
 FIELD = 161
@@ -155,6 +156,26 @@ def path(analysis: Analysis, axes: Axes) -> None:
     plane_axes(axes, names)
 
 
+def _from_limit(analysis: Analysis, run: Trajectory, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and by how much a full run is away from the limit, relative to its largest value."""
+    size = float(np.abs(analysis.limit[name]).max()) or 1.0
+    start, end = covered(run, analysis.limit)
+    # Quadratic spacing: the initial layer is short.
+    t = start + (end - start) * np.linspace(0.0, 1.0, LINE) ** 2
+    return t, (reading(analysis, run.sample(t), name) - analysis.limit.sample(t)[name]) / size
+
+
+def shrinks_in_proportion(analysis: Analysis) -> bool:
+    """Whether full runs come nearer to the limit in proportion to epsilon, as far as the ladder shows it."""
+    names = [s.name for s in chart_symbols(analysis)]
+    ladder = sorted(analysis.ladder.items())
+    sizes = [max(np.abs(_from_limit(analysis, run, name)[1]).max() for name in names) for _, run in ladder]
+    if len(ladder) < 2 or not min(sizes) > 0.0:
+        return False
+    # To a quarter of the power.
+    return abs(float(np.log(sizes[1] / sizes[0]) / np.log(ladder[1][0] / ladder[0][0])) - 1.0) < 0.25
+
+
 @chart()
 def convergence(analysis: Analysis, axes: Axes) -> None:
     """Full runs at a ladder of epsilons against the limit.
@@ -176,12 +197,8 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
     axes.axhline(0.0, color=BLUE, lw=1.8, label=r"limit $\epsilon \to 0$", zorder=1)
     seen = []
     for style, name in zip(("-", "--", ":", "-."), names):
-        size = float(np.abs(analysis.limit[name]).max()) or 1.0
         for colour, (epsilon, run) in zip(LADDER, ladder):
-            start, end = covered(run, analysis.limit)
-            # Quadratic spacing: the initial layer is short.
-            t = start + (end - start) * np.linspace(0.0, 1.0, LINE) ** 2
-            difference = (reading(analysis, run.sample(t), name) - analysis.limit.sample(t)[name]) / size
+            t, difference = _from_limit(analysis, run, name)
             label = at_epsilon(epsilon) if name == names[0] else None
             axes.plot(t, difference, color=colour, ls=style, label=label)
             seen.append(difference[np.abs(difference) < 1.0])

@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from gsp.critical.sampling import Sampler
-from gsp.errors import DeclarationError, HyperbolicityError, Status
+from gsp.errors import DeclarationError, GspError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.nested.nesting import Nesting
@@ -49,7 +50,7 @@ class Comparison(Drawn, Tabular):
     (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start corrected through
     epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for rival reduced fields
     of the scene in `claims` and `claim_slopes`. `ending` says why the highest orders asked for are left out, where the
-    exact algebra did not reach them. `begins` says where both runs begin, where that is not on a slow manifold.
+    exact algebra did not reach them. `begins` says where both runs begin, where that is not over the slow start.
     """
 
     scene: Scene
@@ -126,9 +127,10 @@ def compare(
 ) -> Comparison:
     """Error of the reduced flow of each order against the full system, over the scene's ladder of epsilons.
 
-    Without `correction` both start on M_epsilon over the scene's slow start; on a repelling branch they run backward
-    in time, and on one of saddle type a full run leaves the manifold either way, which the errors show. With it
-    the full system starts at the scene's own start, off the manifold, and the reduced runs at the base point of the
+    Without `correction` both start on M_epsilon over the scene's slow start, or over its base point through order 1
+    where all errors are rounding there, as they are where the slow start is at rest; on a repelling branch they run
+    backward in time, and on one of saddle type a full run leaves the manifold either way, which the errors show. With
+    it the full system starts at the scene's own start, off the manifold, and the reduced runs at the base point of the
     fast fibre through it, through the power `correction` of epsilon; errors are measured outside the layer, from
     (M + 3) epsilon/gap ln(1/epsilon) on, M = min(correction, highest order). With 0 only the slow coordinates are kept.
 
@@ -167,45 +169,59 @@ def compare(
     full, slow = (
         (study.system, [x.name for x in study.system.x]) if nesting is None else (nesting.ray, nesting.watched)
     )
-    errors: dict[int, list[float]] = {n: [] for n in reached_orders}
-    statuses: dict[int, list[Status]] = {n: [] for n in reached_orders}
-    claimed: dict[str, list[float]] = {name: [] for name in rivals}
-    floor: list[float] = []
-    for i, epsilon in enumerate(ladder):
-        if inner is None:
-            start = slow_start = on_manifold(series, study.start, epsilon)
-            first = scene.span[0]
-            last = first + direction * (scene.span[1] - first)
-        else:
-            start = study.start
-            slow_start = {n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()}
-            first = scene.span[0] + layer_time(inner, scene, epsilon, max(reached_orders))
-            last = scene.span[1]
-        grid = np.linspace(first, last, GRID_POINTS)
-        begin = start if nesting is None else nesting.whole(start, epsilon)
-        if not np.isfinite([*begin.values(), *slow_start.values()]).all():
-            # At so large an epsilon the series leads out of the domain of what it stands in.
-            floor.append(ROUNDING)
-            for n in flows:
-                errors[n].append(float("nan"))
-                statuses[n].append(Status.SERIES_ENDS)
-            for name in rivals:
-                claimed[name].append(float("nan"))
-            continue
-        reference = run_on(full, begin, scene, epsilon, grid)
-        check = run_on(full, begin, scene, epsilon, grid, loosened=CHECK)
-        floor.append(max(largest_error(check, reference, slow) / CHECK, ROUNDING))
-        for n, flow in flows.items():
-            run = run_on(flow, slow_start, scene, epsilon, grid)
-            errors[n].append(largest_error(run, reference, slow))
-            statuses[n].append(run.status if not run.status.ok else reference.status)
-        for name, rival in rivals.items():
-            names = [z.name for z in rival.states]
-            there = {z: float(reference[z][0]) for z in names}
-            run = run_on(rival, there, scene, epsilon, grid, begin=first)
-            claimed[name].append(largest_error(run, reference, names))
-        if progress is not None:
-            progress((i + 1) / len(ladder))
+
+    def measured(origin: Mapping[str, float]) -> Measured:
+        errors: dict[int, list[float]] = {n: [] for n in reached_orders}
+        statuses: dict[int, list[Status]] = {n: [] for n in reached_orders}
+        claimed: dict[str, list[float]] = {name: [] for name in rivals}
+        floor: list[float] = []
+        for i, epsilon in enumerate(ladder):
+            if inner is None:
+                start = slow_start = on_manifold(series, origin, epsilon)
+                first = scene.span[0]
+                last = first + direction * (scene.span[1] - first)
+            else:
+                start = study.start
+                slow_start = {
+                    n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()
+                }
+                first = scene.span[0] + layer_time(inner, scene, epsilon, max(reached_orders))
+                last = scene.span[1]
+            grid = np.linspace(first, last, GRID_POINTS)
+            begin = start if nesting is None else nesting.whole(start, epsilon)
+            if not np.isfinite([*begin.values(), *slow_start.values()]).all():
+                # At so large an epsilon the series leads out of the domain of what it stands in.
+                floor.append(ROUNDING)
+                for n in flows:
+                    errors[n].append(float("nan"))
+                    statuses[n].append(Status.SERIES_ENDS)
+                for name in rivals:
+                    claimed[name].append(float("nan"))
+                continue
+            reference = run_on(full, begin, scene, epsilon, grid)
+            check = run_on(full, begin, scene, epsilon, grid, loosened=CHECK)
+            floor.append(max(largest_error(check, reference, slow) / CHECK, ROUNDING))
+            for n, flow in flows.items():
+                run = run_on(flow, slow_start, scene, epsilon, grid)
+                errors[n].append(largest_error(run, reference, slow))
+                statuses[n].append(run.status if not run.status.ok else reference.status)
+            for name, rival in rivals.items():
+                names = [z.name for z in rival.states]
+                there = {z: float(reference[z][0]) for z in names}
+                run = run_on(rival, there, scene, epsilon, grid, begin=first)
+                claimed[name].append(largest_error(run, reference, names))
+            if progress is not None:
+                progress((i + 1) / len(ladder))
+        return Measured(errors, statuses, claimed, floor)
+
+    found, begins = measured(study.start), ""
+    if inner is None and nesting is None and not rivals and found.is_exact():
+        # A start at rest, as without a single one infected, would say so of any reduction.
+        base = _base_of(study)
+        if base is not None:
+            found = measured(base)
+            begins = "both runs begin on the slow manifold, over the base point of the scene's start"
+    errors, statuses, claimed, floor = found
     expected = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
     if reached_orders:
         floor = with_rounding(ladder, errors[max(reached_orders)], floor, power=expected[max(reached_orders)])
@@ -221,7 +237,30 @@ def compare(
         claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
         correction=correction,
         ending=ending,
+        begins=begins,
     )
+
+
+class Measured(NamedTuple):
+    """Errors and statuses by order, the errors of rival fields by name, and the reference's own error."""
+
+    errors: Mapping[int, list[float]]
+    statuses: Mapping[int, list[Status]]
+    claimed: Mapping[str, list[float]]
+    floor: list[float]
+
+    def is_exact(self) -> bool:
+        """Whether all errors are within the reference's own."""
+        return all(e <= CLEARANCE * f for values in self.errors.values() for e, f in zip(values, self.floor))
+
+
+def _base_of(study: Study) -> Mapping[str, float] | None:
+    """The study's start with its base point through order 1 for slow values; None where that is no other place."""
+    try:
+        base = study.base_point(1)
+    except GspError:
+        return None
+    return None if all(base[x.name] == study.start[x.name] for x in study.system.x) else {**study.start, **base}
 
 
 def _below(nesting: Nesting, orders: tuple[int, ...], correction: int | None) -> tuple[int, ...]:

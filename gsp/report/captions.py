@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts import heading_of, shape, slow_ends
+from gsp.charts.orbits import shrinks_in_proportion
 from gsp.comparison.survey import HORIZON
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
@@ -117,10 +118,11 @@ def _convergence(analysis: Analysis, setter: Typesetter) -> Markup:
         return Markup("Paths of the full system at three values of {}. They approach the limit (blue).").format(
             _epsilon(analysis, setter)
         )
+    shrinks = Markup("The difference is proportional to {}. ").format(_epsilon(analysis, setter))
     return Markup(
-        "Full runs minus the limit, relative to the largest value. The difference is proportional to {}. The "
-        "bend at the left is the initial layer, in which the slow variables change a little."
-    ).format(_epsilon(analysis, setter))
+        "Full runs minus the limit, relative to the largest value. {}The bend at the left is the initial layer, in "
+        "which the slow variables change a little."
+    ).format(shrinks if shrinks_in_proportion(analysis) else "")
 
 
 def _error(analysis: Analysis, setter: Typesetter) -> Markup:

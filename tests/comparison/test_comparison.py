@@ -7,6 +7,8 @@ import pytest
 import sympy as sp
 
 from gsp import load, models
+from gsp.analysis.analysis import analyse
+from gsp.charts.orbits import shrinks_in_proportion
 from gsp.comparison.comparison import compare, on_manifold, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.scenes.scene import Scene
@@ -202,3 +204,23 @@ def test_order_one_is_better_by_a_power_beside_a_kink_and_where_two_limits_meet(
     assert found.slopes[0] == pytest.approx(1.0, abs=0.1)
     assert found.slopes[1] == pytest.approx(2.0, abs=0.1)
     assert all(first < 0.2 * leading for leading, first in zip(found.errors[0], found.errors[1]))
+
+
+def test_a_start_at_rest_is_compared_over_its_base_point() -> None:
+    """Virions without a cell infected: over that start no reduction errs, over what the layer leaves each does."""
+    T, ill, V = sp.symbols("T ill V")
+    spread = T * V / 50
+    system = SlowFastSystem(slow={T: 1 - T - spread, ill: spread - ill}, fast={V: 200 * ill - V}, epsilon=eps)
+    region = {"T": (0, 2), "ill": (0, 2), "V": (0, 400)}
+    scene = Scene(system, region, {"T": 1, "ill": 0, "V": 1}, (0, 3), 0.02)
+    found = compare(scene, orders=(0, 1))
+    assert "over the base point of the scene's start" in str(found)
+    assert found.slopes[0] == pytest.approx(1, abs=0.1)
+    assert found.slopes[1] == pytest.approx(2, abs=0.15)
+    assert shrinks_in_proportion(analyse(scene, orders=(0, 1), order=1)) is False
+    moving = replace(scene, start={"T": 1, "ill": 0.1, "V": 1})
+    assert not compare(moving, orders=(0, 1)).begins
+    assert shrinks_in_proportion(analyse(moving, orders=(0, 1), order=1)) is True
+    # What is exact over both is exact.
+    exact = compare(models.load("linear"), orders=(0, 1))
+    assert all(exact.is_exact(order) for order in (0, 1))
