@@ -717,3 +717,12 @@ def test_a_fold_curve_is_named_where_a_fast_variable_has_hundreds_of_units() -> 
     assert loss.point["x"] + 4 * loss.point["u"] ** 2 == pytest.approx(2 / 300, rel=1e-9)
     assert loss.point["y"] == pytest.approx(-500)
     assert loss.samples > 1
+
+
+def test_a_place_at_a_corner_of_the_region_is_told_without_rounding() -> None:
+    """Ozone: without any molecules the atoms rest wherever they are."""
+    fast = {y: 3 * x - 1200 * z * y - 50 * x * y}
+    branch = solve_critical(SlowFastSystem(slow={x: -x, z: 1 - z}, fast=fast, epsilon=eps)).branches[0]
+    losses = classify(branch, region={"x": (0, 1), "z": (0, 2)}).losses
+    assert losses
+    assert all(loss.point["x"] == loss.point["z"] == 0.0 for loss in losses)

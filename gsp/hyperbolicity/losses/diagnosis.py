@@ -148,8 +148,10 @@ class Diagnosis:
             for low, high in [self.box.get(name, (-np.inf, np.inf))]
             if np.isfinite(high - low)
         )
+        # What is rounding of the region is 0.
+        rounded = np.where(np.abs(z) <= np.finfo(float).eps * self.units, 0.0, z)
         return Loss(
-            point=dict(zip(names, map(float, z))),
+            point=dict(zip(names, map(float, rounded))),
             eigenvalue=eigenvalue,
             crossing=crossing,
             kind=kind,
