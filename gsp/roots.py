@@ -119,7 +119,8 @@ def least(f: Callable[[float], float], a: float, b: float, *, below: float = -ma
             raise _Below
         return found
 
-    with contextlib.suppress(_Below):
+    # Where values are infinite the method's parabolas are no numbers.
+    with contextlib.suppress(_Below), np.errstate(invalid="ignore", over="ignore"):
         # Below this share of the interval a minimum is level to rounding.
         minimize_scalar(value, bounds=(0.0, 1.0), method="bounded", options={"xatol": 4e-9})
     return best

@@ -86,3 +86,9 @@ def test_the_search_for_a_minimum_ends_at_the_first_value_below():
     place, value = least(lambda s: called.append(s) or (s - 0.3) ** 2 - 1.0, 0.0, 1.0, below=0.0)
     assert called == [place]
     assert value < 0.0
+
+
+def test_least_takes_values_that_are_infinite() -> None:
+    place, value = least(lambda s: (s - 0.3) ** 2 if s > 0.2 else np.inf, 0.0, 1.0)
+    assert (place, value) == pytest.approx((0.3, 0.0), abs=1e-7)
+    assert least(lambda s: np.inf, 0.0, 1.0)[1] == np.inf
