@@ -215,3 +215,37 @@ def test_what_is_not_well_formed_is_refused_by_name(given: dict, said: str) -> N
     whole = {"ramp": LOGISTIC, "start": {"x": -1, "l": 0}, "edge": {"x": -2, "l": 3}, **given}
     with pytest.raises(DeclarationError, match=said):
         gsp.critical_rate(PARABOLA, **whole)
+
+
+def test_a_ramp_there_and_back_past_two_folds_ends_where_it_began() -> None:
+    """Grazing: at c = 1 there is one rest point that attracts, at c = 2.8 another one, and no ramp tips."""
+    v, c = sp.symbols("v c")
+    field = gsp.VectorField({v: v * (1 - v / 10) - c * v**2 / (1 + v**2)}, epsilon=None, parameters={c: 1})
+    ramp = gsp.Ramp.there_and_back({c: (1, 2.8)})
+    found = gsp.critical_rate(field, ramp=ramp, start={"v": 8.5}, edge={"v": 2.9})
+    assert (found.verdict, found.rates) == (TippingVerdict.NEVER, ())
+    # The edge state that was taken is told, without rounding.
+    assert "edge v = 0, c = 1" in str(found)
+    runs = [found.run(rate, after=200.0) for rate in (0.002, 0.5)]
+    assert [float(run["v"][-1]) for run in runs] == pytest.approx(2 * [found.start["v"]], rel=1e-3)
+    assert runs[0]["v"].min() < 1.0 < runs[1]["v"].min()
+    # From where no rest point repels there is no edge state at all.
+    alone = gsp.critical_rate(field, ramp=ramp, start={"v": 8.5}, edge={"v": 5.5})
+    assert alone.verdict is TippingVerdict.NEVER
+
+
+def test_a_ramp_there_and_back_past_one_fold_of_two_leaves_its_branch() -> None:
+    """x' = p + x - x^3/3 with p to 2 and back: slow ramps come back on the other branch, fast ones on their own."""
+    found = gsp.critical_rate(
+        gsp.VectorField({x: l + x - x**3 / 3}, epsilon=None, parameters={l: 0}),
+        ramp=gsp.Ramp.there_and_back({l: (0, 2)}), start={"x": -1.7}, edge={"x": 0},
+    )  # fmt: skip
+    assert found.verdict is TippingVerdict.BELOW
+    ends = [float(found.run(share * found.rates[0], after=60.0)["x"][-1]) for share in (0.99, 1.01)]
+    assert ends == pytest.approx([np.sqrt(3), -np.sqrt(3)], abs=1e-3)
+    assert "edge x = 0, l = 0" in str(found)
+
+
+def test_a_ramp_without_end_tells_its_start() -> None:
+    field = gsp.VectorField({x: (x + l) ** 2 - 1}, epsilon=None, parameters={l: 0})
+    assert "start x = -1, l = 0" in str(gsp.critical_rate(field, ramp=gsp.Ramp.linear({l: 0}), start={"x": -1}))

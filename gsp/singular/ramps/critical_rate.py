@@ -93,11 +93,25 @@ class CriticalRate(Drawn, Tabular):
         """The error of `rate`."""
         return self.errors[0] if self.errors else None
 
+    def _listed(self, point: Mapping[str, float]) -> str:
+        ends = self.ramped.ends if self.edge else 2 * (float(self.ramped.ramp.ends[0]),)
+        along = self.ramped.moved(np.linspace(*ends, 16))
+        sizes = {name: np.abs(values).max() for name, values in along.items()}
+        told = []
+        for name, value in point.items():
+            size = sizes.get(name, max(abs(at[name]) for at in (self.start, self.edge or self.start)))
+            # Rounding of where the ramp leads, and of where the start is.
+            told.append(f"{name} = {0.0 if abs(value) <= 4.0 * np.finfo(float).eps * size else value:.6g}")
+        return ", ".join(told)
+
     def __repr__(self) -> str:
         return f"CriticalRate({self.verdict}{''.join(f', {rate:.10g}' for rate in self.rates)})"
 
     def __str__(self) -> str:
-        lines = [str(self.verdict)]
+        ends = [f"start {self._listed(self.start)}"] + (
+            [] if self.edge is None else [f"edge {self._listed(self.edge)}"]
+        )
+        lines = [str(self.verdict), f"  {'; '.join(ends)}"]
         lines += [f"  rate {rate:.12g}, error {error:.1e}" for rate, error in zip(self.rates, self.errors)]
         return "\n".join([*lines, f"  {self.message}"])
 
@@ -156,7 +170,11 @@ def critical_rate(
     saddle = None if x_1 is None else section.edge_at(given, Place(last.s, x_1))
     if saddle is None:
         if way[-1].s != last.s and len(begin.x) == 1:
-            text = "the branch of the start ends in a fold on the way, and there is no edge state where the ramp ends"
+            nothing = "there is no edge state where the ramp ends"
+            if abs(one_state.slow_end(given, way, last.s) - begin.x[0]) <= one_state.RETURNED * abs(begin.x[0]):
+                text = f"the branch of the start ends in a fold on the way, slow ramps come back to it, and {nothing}"
+                return CriticalRate(TippingVerdict.NEVER, (), (), (), named, None, text, False, given)
+            text = f"the branch of the start ends in a fold on the way, and {nothing}"
             return CriticalRate(TippingVerdict.ALWAYS, (), (), (), named, None, text, True, given)
         kind = "repelling rest point" if len(begin.x) == 1 else "rest point with one unstable direction"
         remedy = (

@@ -10,24 +10,63 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import vanishes
+from gsp.integration.trajectory import trajectory_of
 from gsp.singular.ramps.connection import SAME, Connection, RampEnds, connection
-from gsp.singular.ramps.ramped import Place, Ramped, RampError
+from gsp.singular.ramps.ramped import SHORTEST, Place, Ramped, RampError
 from gsp.singular.singularities.located_points import locate
+from gsp.systems.system import VectorField
 
 # Newton's method starts at these shares of the rate at which the ramp is as fast as the field.
 SHARES = np.logspace(-2.0, 2.0, 9)
 # A guess of the orbit is a straight line, or the branch of the start, then that of the edge; it changes at one of so
 # many parts of the way, more of them until the number of rates is odd or even as the limits ask for.
 ROUNDS = (0, 4, 16)
+# A rest point that is followed away and back is found again to this share of it.
+RETURNED = 1e-9
+# Tolerance of a run to the next branch, and how near it comes to it, as a share of the way.
+RUN, NEAR = 1e-8, 1e-4
 
 
 def thresholds(given: Ramped, way: list[Place], edge: Place) -> tuple[tuple[bool, bool], list[Connection]]:
     """Whether slow ramps tip, and fast ones, and the connections from the start of `way` to `edge`, by their rates."""
-    begin, end = way[0], way[-1]
-    slow = end.x[0] if end.s == edge.s else None
-    side = np.sign((begin.x[0] if slow is None else slow) - edge.x[0])
-    tips = (slow is None, bool(side * (begin.x[0] - edge.x[0]) < 0.0))
+    begin, end = way[0], slow_end(given, way, edge.s)
+    side = np.sign((end if way[-1].s == edge.s else begin.x[0]) - edge.x[0])
+    tips = bool(side * (end - edge.x[0]) < 0.0), bool(side * (begin.x[0] - edge.x[0]) < 0.0)
     return tips, _connections(given, way, edge, odd=tips[0] != tips[1])
+
+
+def slow_end(given: Ramped, way: list[Place], last: float) -> float:
+    """Where slow ramps end: past a fold on the next branch, and so on; infinite where there is none."""
+    first = way[0].s
+    while way[-1].s != last:
+        # Just beyond the fold, where its two rest points are gone.
+        s = way[-1].s + SHORTEST**0.5 * (last - first)
+        if (s - last) * (last - first) >= 0.0:
+            return float(way[-1].x[0])
+        x = _next_rest(given, way[-1], s)
+        if not np.isfinite(x):
+            return x
+        way = given.followed(Place(s, np.array([x])), last)
+    return float(way[-1].x[0])
+
+
+def _next_rest(given: Ramped, begin: Place, s: float) -> float:
+    """The rest point to which x' = f(x, s) leads from where it has just lost one; infinite where it leads away."""
+    phase, (state,) = given.ramp.phase, given.field.states
+    kept = {p: v for p, v in given.field.parameters.items() if p != phase}
+    rate = given.field.rates[0].xreplace({phase: sp.Float(s, 17)})
+    still = VectorField({state: rate}, epsilon=None, parameters=kept)
+    x, time = float(begin.x[0]), 1.0
+    for _ in range(64):
+        run = trajectory_of(still, {state.name: x}, (0.0, time), None, RUN, RUN * (abs(x) or 1.0))
+        if not run.status.ok:
+            return float(np.sign(run.y[0, -1] - x) * np.inf)
+        reached = float(run.y[0, -1])
+        rest = given.rest_point(np.array([reached]), s)
+        if rest is not None and abs(rest[0] - reached) <= NEAR * abs(rest[0] - begin.x[0]):
+            return float(rest[0])
+        x, time = reached, 2.0 * time
+    return float(np.sign(x - begin.x[0]) * np.inf)
 
 
 def _connections(given: Ramped, way: list[Place], edge: Place, odd: bool) -> list[Connection]:
