@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from gsp.algebra.laurent import laurent, pole_order
+from gsp.algebra.laurent import laurent, pole_order, vanishes
 from gsp.averaging.turning_frame import TurningFrame
 from gsp.averaging.turning_pair import in_pair
 from gsp.averaging.vibration import without_vibration
@@ -45,6 +45,19 @@ def phase_form(flow: Flow, phase: sp.Symbol | None, pair: tuple[sp.Symbol, sp.Sy
             "a phase is fast beside a small parameter, and the field has none.",
             "Divide the rate of the phase by it, theta' = omega/epsilon.",
         )
+    if pair is not None and phase is None and not any(pole_order(rate, epsilon) for rate in flow.rates):
+        # In fast time, and with nothing that is slow: else its rates were divided.
+        fast = [
+            z.name
+            for z, rate in zip(flow.states, flow.rates)
+            if z not in pair and not vanishes(laurent(rate, epsilon, order=0).get(0, sp.S.Zero))
+        ]
+        if fast:
+            raise SplittingError(
+                f"{', '.join(fast)} {'moves' if len(fast) == 1 else 'move'} as fast as {pair[0]} and {pair[1]} turn.",
+                f'Near resonance name the phase beside the pair, phase="{fast[0]}" in Python, name = "{fast[0]}" in a '
+                "model file.",
+            )
     same = {z: z for z in flow.states}
     frame = TurningFrame(dict(zip(flow.states, flow.rates)), same, same)
     if pair is not None:

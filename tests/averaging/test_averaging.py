@@ -282,6 +282,10 @@ REFUSED = {
         gsp.VectorField({u: v / epsilon, v: -u / epsilon + sp.cos(psi), psi: 2 / epsilon}, epsilon=epsilon),
         {"pair": ("u", "v"), "phase": "psi"}, SplittingError, "not near resonance",
     ),
+    "a forcing that is not named": (
+        gsp.VectorField({u: v, v: -u + epsilon * sp.cos(psi), psi: 1 + epsilon / 3}, epsilon=epsilon),
+        {"pair": ("u", "v")}, SplittingError, "psi moves as fast as u and v turn",
+    ),
     "no such state": (turning(1 / epsilon), {"phase": "phi"}, DeclarationError, "phase names 'phi'"),
     "nothing named": (turning(1 / epsilon), {}, DeclarationError, "nothing says what turns"),
     "no small parameter": (

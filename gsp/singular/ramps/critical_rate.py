@@ -94,8 +94,9 @@ class CriticalRate(Drawn, Tabular):
         return self.errors[0] if self.errors else None
 
     def _listed(self, point: Mapping[str, float]) -> str:
-        ends = self.ramped.ends if self.edge else 2 * (float(self.ramped.ramp.ends[0]),)
-        along = self.ramped.moved(np.linspace(*ends, 16))
+        first = float(self.ramped.ramp.ends[0])
+        last = self.ramped.ends[1] if self.edge else first
+        along = self.ramped.moved(np.linspace(first, last, 16))
         sizes = {name: np.abs(values).max() for name, values in along.items()}
         told = []
         for name, value in point.items():
