@@ -24,7 +24,6 @@ from gsp.errors import (
     NO_REASON,
     BranchError,
     BudgetError,
-    HyperbolicityError,
     MissingPartError,
     Reason,
     UnsupportedFunctionError,
@@ -170,8 +169,8 @@ def analyse(
     """The whole pipeline for one scene, through `order` in epsilon, compared at `orders`.
 
     With `fast` the errors of the fast variables count in the choice, as they do in `choose`.
-    `progress(stage, share)` is called as the work goes on. Raises `HyperbolicityError`, saying where, when the
-    fast Jacobian is singular in the scene's region, and whatever the stages raise.
+    `progress(stage, share)` is called as the work goes on. Where normal hyperbolicity is lost in the scene's region,
+    `hyperbolicity` says so, and of the rest there is what can be made. Raises what splitting and solving raise.
     """
     study = study_of(scene, verb="analyse")
     scene = study.scene
@@ -194,7 +193,6 @@ def analyse(
         _ = study.region, study.branch
     with stage("hyperbolicity"):
         hyperbolicity = _with_proof(study.hyperbolicity)
-        _require_hyperbolic(hyperbolicity)
     parts: dict[str, Any] = {}
 
     def part(name: str, make: Callable[[], Any]) -> Any:
@@ -268,20 +266,6 @@ def _with_proof(hyperbolicity: Hyperbolicity) -> Hyperbolicity:
         return hyperbolicity
 
 
-def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
-    if hyperbolicity.kind is not Kind.LOST:
-        return
-    failed = [str(condition) for condition in hyperbolicity.conditions if not condition.holds]
-    where = "; ".join(loss.headline for loss in hyperbolicity.losses[:3]) or "; ".join(failed)
-    where = where or hyperbolicity.evidence
-    part = hyperbolicity.sub_region
-    shrink = f"The conditions hold {part}. " if part is not None else ""
-    raise HyperbolicityError(
-        f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}.",
-        f"{shrink}Shrink the region to one side of it; nothing can be reduced across.",
-    )
-
-
 def _failures(study: Study, progress: Callable[[float], object]) -> tuple[FailureMap | None, Reason]:
     """A failure map over the region, or None and why there is none."""
     scene = study.scene
@@ -309,7 +293,7 @@ def _failures(study: Study, progress: Callable[[float], object]) -> tuple[Failur
 
 def _base_point(study: Study, order: int, hyperbolicity: Hyperbolicity) -> tuple[BasePoint | None, str]:
     """Base point of the fast fibre through the scene's start, or None and why there is none."""
-    if hyperbolicity.kind is not Kind.ATTRACTING:
+    if hyperbolicity.kind not in (Kind.ATTRACTING, Kind.LOST):
         return None, f"the branch is {hyperbolicity.kind}, so the start does not land on it"
     found = attempt("the base point", lambda: study.base_point(order))
     return (None, found.reason) if isinstance(found, Missing) else (found, NO_REASON)

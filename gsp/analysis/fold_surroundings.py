@@ -328,7 +328,7 @@ def _proved_passage(study: Study, orbit: SingularOrbit | None) -> PassageCertifi
 def _orbit(
     study: Study, hyperbolicity: Hyperbolicity
 ) -> tuple[SingularOrbit | None, tuple[float, float, float] | None, Reason]:
-    if hyperbolicity.kind is not Kind.ATTRACTING:
+    if hyperbolicity.kind not in (Kind.ATTRACTING, Kind.LOST):
         return None, None, Reason(f"the branch is {hyperbolicity.kind}, so no singular orbit starts on it")
     try:
         # Slow pieces of a singular orbit: orbits that close do so within a few, or creep to it like a

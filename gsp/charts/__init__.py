@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.analysis.analysis import Analysis
@@ -174,7 +175,8 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts["manifold"] = manifold
     if seen and lands:
         charts["distance"] = distance
-    charts["error_against_epsilon"] = lambda result: error_against_epsilon(result.comparison)
+    if "comparison" in analysis.lost or np.isfinite([*analysis.comparison.errors.values()]).any():
+        charts["error_against_epsilon"] = lambda result: error_against_epsilon(result.comparison)
     charts["time_series"] = time_series
     charts["convergence"] = convergence
     if analysis.failures is not None:

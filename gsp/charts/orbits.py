@@ -220,6 +220,15 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
     legend(axes, columns=4 if len(names) == 1 else 3)
 
 
+def _layer(analysis: Analysis) -> float:
+    """The length of the initial layer, epsilon/gap; where normal hyperbolicity is lost, with the rate at the start."""
+    found, study = analysis.hyperbolicity, analysis.study
+    if found.gap > 0.0:
+        return analysis.scene.epsilon / found.gap
+    rates = np.abs(found.eigenvalues([study.start[x.name] for x in study.system.x]).real)
+    return analysis.scene.epsilon / max(float(rates.min()), np.finfo(float).tiny)
+
+
 @chart()
 def time_series(analysis: Analysis, axes: Axes) -> None:
     """States of the full run at the scene's epsilon and the reduced run of the highest order over it.
@@ -227,7 +236,7 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
     Time is logarithmic, so that the initial layer, of length epsilon/gap, is seen as well as the slow motion.
     """
     start, length = analysis.scene.span[0], analysis.scene.span[1] - analysis.scene.span[0]
-    layer = analysis.scene.epsilon / analysis.hyperbolicity.gap
+    layer = _layer(analysis)
     first = min(0.03 * layer, 0.01 * length)
     t = start + np.geomspace(first, length, LINE)
     full, reduced = (during(run, t) for run in (analysis.full, analysis.reduced))
@@ -239,11 +248,12 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
         label = f"reduced, order {analysis.short_series.order}" if name == names[-1] else None
         axes.plot(reduced.t - start, reduced[name], color=INK, lw=0.9, ls=(0, (5, 2)), label=label)
     bounded(axes, [reduced[name] for name in names], [full[name] for name in names], headroom=0.1)
-    axes.axvline(layer, color=GREY, lw=0.8, ls=":", zorder=0)
-    axes.annotate(
-        r"layer, $\epsilon/$gap", (layer, 1.0), xycoords=("data", "axes fraction"),
-        xytext=(3, -1), textcoords="offset points", va="top", color=GREY, fontsize="small",
-    )  # fmt: skip
+    if analysis.hyperbolicity.gap > 0.0:
+        axes.axvline(layer, color=GREY, lw=0.8, ls=":", zorder=0)
+        axes.annotate(
+            r"layer, $\epsilon/$gap", (layer, 1.0), xycoords=("data", "axes fraction"),
+            xytext=(3, -1), textcoords="offset points", va="top", color=GREY, fontsize="small",
+        )  # fmt: skip
     axes.set_xscale("log")
     axes.set_xlim(first, length)
     since = "t" if start == 0.0 else f"t - {start:g}"

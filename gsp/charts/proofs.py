@@ -14,14 +14,20 @@ from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import LINE, box_points, on_branch
 from gsp.charts.style import INK, PALE, SERIES, VERMILION, chart, legend, name_axes
 from gsp.errors import DeclarationError
+from gsp.proofs.verdict import ProofVerdict
 
 Boxes = tuple[tuple[tuple[float, float], ...], ...]
 
 
 def has_boxes(analysis: Analysis) -> bool:
-    """Whether there is a proof, or part of one, over one or two slow variables, in more boxes than the region."""
+    """Whether there is a proof, or part of one, over one or two slow variables, in more boxes than the region.
+
+    The boxes of a refutation prove nothing: some of them may hold another sheet.
+    """
     found = analysis.hyperbolicity.certificate
-    return found is not None and len(found.region) in (1, 2) and bool(found.boxes) and found.tried > 1
+    if found is None or found.verdict is ProofVerdict.REFUTED:
+        return False
+    return len(found.region) in (1, 2) and bool(found.boxes) and found.tried > 1
 
 
 @chart()

@@ -13,6 +13,7 @@ from gsp.charts.orbits import shrinks_in_proportion
 from gsp.comparison.survey import HORIZON
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
+from gsp.hyperbolicity.samples import Kind
 from gsp.report.wording import number, span
 from gsp.results.bounds import at_least
 from gsp.results.mathml import Typesetter
@@ -91,6 +92,9 @@ def _phenomenon(analysis: Analysis, setter: Typesetter) -> Markup:
             "swings, from sheet to sheet; dots are small ones near the folds. The reduction holds between the jumps."
         ).format(at, setter.inline(sp.Symbol(found.name)), swings)
     orbit = analysis.boundary.orbit
+    # A region that holds a loss is more than one piece.
+    is_lost = analysis.hyperbolicity.kind is Kind.LOST
+    rest = "" if is_lost else " The rest of this report is about one of them."
     below = (
         Markup(
             " Below it the singular orbit, the limit at {} = 0: slow pieces (blue) and jumps from the folds."
@@ -100,8 +104,8 @@ def _phenomenon(analysis: Analysis, setter: Typesetter) -> Markup:
     )
     return Markup(
         "What the full system does at {}, in the plane of {} and {}: it follows the critical manifold to a fold, "
-        "jumps, and comes back.{} The reduction holds on the slow pieces. The rest of this report is about one of them."
-    ).format(at, setter.inline(system.x[0]), setter.inline(system.y[0]), below)
+        "jumps, and comes back.{} The reduction holds on the slow pieces.{}"
+    ).format(at, setter.inline(system.x[0]), setter.inline(system.y[0]), below, rest)
 
 
 def _path(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -142,8 +146,9 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
     if shape(analysis) not in ((1, 1), (2, 1)):
         return Markup("Full runs that start off the slow manifold. ") + _distance(analysis, setter)
     if not analysis.landing:
-        return Markup("The slow manifold at {} = {}. It is {}, so no runs are shown landing on it.").format(
-            _epsilon(analysis, setter), number(analysis.scene.epsilon), found.kind
+        why = "Normal hyperbolicity is lost" if found.kind is Kind.LOST else f"It is {found.kind}"
+        return Markup("The slow manifold at {} = {}. {}, so no runs are shown landing on it.").format(
+            _epsilon(analysis, setter), number(analysis.scene.epsilon), why
         )
     shown = Markup("The slow manifold")
     if shape(analysis) == (1, 1):
@@ -221,13 +226,14 @@ def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 
 
 def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
+    layer = "The initial layer, in which the fast variables settle, is left of the dotted line. "
     return Markup(
-        "The full run at {} = {} (broad) and the reduced run of order {} (dashed), over logarithmic time. The initial "
-        "layer, in which the fast variables settle, is left of the dotted line. {}"
+        "The full run at {} = {} (broad) and the reduced run of order {} (dashed), over logarithmic time. {}{}"
     ).format(
         _epsilon(analysis, setter),
         number(analysis.scene.epsilon),
         analysis.short_series.order,
+        layer if analysis.hyperbolicity.gap > 0.0 else "",
         _reduced_start(analysis, setter),
     )
 

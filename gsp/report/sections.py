@@ -13,6 +13,7 @@ from gsp.analysis.analysis import Analysis
 from gsp.charts import has_constant_eigenvalues
 from gsp.choice.verdict import in_words
 from gsp.hyperbolicity.hyperbolicity import Kind
+from gsp.proofs.verdict import ProofVerdict
 from gsp.report.claims import claims_of
 from gsp.report.contacts import no_slip
 from gsp.report.ramps import ramps
@@ -117,7 +118,7 @@ class Page(Setting):
     def leaving(self) -> Markup:
         """How soon orbits next to a manifold that does not attract leave it; empty for one that does."""
         found = self.analysis.hyperbolicity
-        if found.kind is Kind.ATTRACTING:
+        if found.kind in (Kind.ATTRACTING, Kind.LOST):
             return Markup("")
         how = "every fast direction" if found.kind is Kind.REPELLING else "some fast directions"
         time = number(self.analysis.scene.epsilon / found.gap)
@@ -171,8 +172,11 @@ class Page(Setting):
         found = self.analysis.hyperbolicity
         facts: dict[str, Callable[[], Markup]] = {
             "slow, fast": self.variables,
-            "kind": lambda: Markup("normally hyperbolic, {} ({}){}").format(
-                found.kind, words(found.evidence), self.leaving()
+            "kind": lambda: Markup("{}{} ({}){}").format(
+                "" if found.kind is Kind.LOST else "normally hyperbolic, ",
+                self.kind(),
+                words(found.evidence),
+                self.leaving(),
             ),
             "gap": self.gap,
             "series": lambda: Markup("through order {}, exact").format(self.analysis.series.order),
@@ -182,6 +186,27 @@ class Page(Setting):
         }
         made = {term: attempt(f"the line {term}", make) for term, make in facts.items()}
         return [(t, words(f.reason) if isinstance(f, Missing) else f) for t, f in made.items()]
+
+    def kind(self) -> str:
+        """What the critical manifold is over the region."""
+        kind = self.analysis.hyperbolicity.kind
+        return "not normally hyperbolic" if kind is Kind.LOST else str(kind)
+
+    def losses(self) -> list[tuple[str, str, str]]:
+        """Of each loss what and where it is, what orbits do, and whether the reduction goes on."""
+        return [
+            (
+                words(loss.headline),
+                words(loss.consequence),
+                words(("It may go on: " if loss.may_reduce else "It ends here: ") + loss.remedy),
+            )
+            for loss in self.analysis.hyperbolicity.losses
+        ]
+
+    def holding(self) -> str:
+        """The part of the region over which the conditions hold, where that is not all of it; empty where none does."""
+        part = self.analysis.hyperbolicity.sub_region
+        return "" if part is None else words(str(part))
 
     def gap(self) -> Markup:
         """The least |Re lambda| that is proved, else that at the samples."""
@@ -199,6 +224,12 @@ class Page(Setting):
         certificate = self.analysis.hyperbolicity.certificate
         return certificate is not None and certificate.verdict.name == "PROVED"
 
+    def how_known(self) -> str:
+        """Proved, refuted, or by samples alone."""
+        certificate = self.analysis.hyperbolicity.certificate
+        decided = {ProofVerdict.PROVED: "proved", ProofVerdict.REFUTED: "refuted"}
+        return "sampled" if certificate is None else decided.get(certificate.verdict, "sampled")
+
     def evidence(self) -> str:
         """How the verdict is known, as a sentence."""
         found = self.analysis.hyperbolicity
@@ -208,6 +239,8 @@ class Page(Setting):
                 f"{text}, in ball arithmetic: the kind, and that no eigenvalue comes nearer to the axis than proved. "
                 f"The numbers above are the worst of {found.samples} samples, refined."
             )
+        if found.certificate is not None and found.certificate.verdict is ProofVerdict.REFUTED:
+            return f"{text}. That is proved in ball arithmetic."
         return f"{text}, the worst of them refined. This is evidence, not a proof."
 
     def _slopes(self) -> Markup:

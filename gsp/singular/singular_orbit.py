@@ -243,8 +243,7 @@ def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[Slow
     if run.status is not Status.FOLD_REACHED:
         if run.status.ok:
             last = {s.name: float(run[s.name][-1]) for s in branch.system.states}
-            # From a place of rest it would take longer than the whole piece to get anywhere.
-            if _time_to_move(branch, last) > longest:
+            if _is_at_rest(branch, run, longest):
                 return SlowPiece(run, None), Reason(f"the slow flow comes to rest at {_place(last)}")
             return SlowPiece(run, None), Reason(f"no fold within a slow time of {longest:g}")
         return SlowPiece(run, None), Reason(f"the slow flow ends otherwise than at a fold: {run.message}")
@@ -302,15 +301,24 @@ def _run(flow: ReducedFlow, branch: Branch, point: Point, longest: float) -> Tra
 
 def _longest(branch: Branch, point: Point) -> float:
     """How long a piece from `point` is followed, in slow time; one that stands still gets nowhere in any."""
-    moves = _time_to_move(branch, point)
+    x = np.array([values_by_name(point, what="start")[s.name] for s in branch.system.x])
+    moves = time_to_move(x, _slow_rates(branch, point), branch.scales[0])
     return PATIENCE * (moves if np.isfinite(moves) else 1.0)
 
 
-def _time_to_move(branch: Branch, point: Point) -> float:
+def _is_at_rest(branch: Branch, run: Trajectory, longest: float) -> bool:
+    """Whether a run ends at rest: as long once more would not move it by a share of what it has moved."""
+    states = np.array([run[s.name] for s in branch.system.x])
+    point = {s.name: float(run[s.name][-1]) for s in branch.system.states}
+    moved = np.ptp(states, axis=1) / PATIENCE + CLOSED * branch.scales[0]
+    return bool((np.abs(_slow_rates(branch, point)) * longest <= moved).all())
+
+
+def _slow_rates(branch: Branch, point: Point) -> np.ndarray:
     given = values_by_name(point, what="start")
     x = np.array([given[s.name] for s in branch.system.x])
     z = np.concatenate([x, branch.through(point).points(x[None, :])[0]])
-    return time_to_move(x, Sampler(branch).rates(z[None, :])[0, : len(x)], branch.scales[0])
+    return Sampler(branch).rates(z[None, :])[0, : len(x)]
 
 
 def _closed(landings: list[np.ndarray], landed: np.ndarray) -> int:

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
+import gsp
 from gsp import load, models
 from gsp.analysis.analysis import STAGES, _failures, _short, analyse
-from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.choice.verdict import Answer
+from gsp.errors import DeclarationError
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.scenes import study
 from gsp.scenes.scene import Scene
@@ -72,10 +74,39 @@ def test_a_long_series_is_run_through_a_lower_order_and_the_analysis_says_so(
     assert found.cut in str(found)
 
 
-def test_a_scene_whose_region_holds_a_fold_is_refused_with_the_place() -> None:
-    scene = replace(models.load("van_der_pol"), region={"y": (-2, 2), "x": (-3, 3)})
-    with pytest.raises(HyperbolicityError, match=r"not normally hyperbolic.*zero eigenvalue at y = .*0\.66666"):
-        analyse(scene)
+def test_a_scene_whose_region_holds_a_fold_is_analysed_as_far_as_it_goes(tmp_path) -> None:
+    """FitzHugh and Nagumo as everybody gives it: the whole cycle, of which a slow piece alone can be reduced."""
+    v, w, a, b, current = sp.symbols("v w a b I")
+    system = gsp.SlowFastSystem(
+        slow={w: v + a - b * w},
+        fast={v: v - v**3 / 3 - w + current},
+        epsilon=sp.Symbol("epsilon"),
+        parameters={a: 0.7, b: 0.8, current: 0.5},
+    )
+    scene = gsp.Scene(system, {"w": (-0.5, 1.5), "v": (-2.5, 2.5)}, {"w": 0.5, "v": 1.5}, (0, 8), 0.05)
+    found = analyse(scene)
+    assert found.lost == {}
+    assert found.hyperbolicity.kind is Kind.LOST
+    assert found.choice.verdict.answer is Answer.NO
+    orbit = found.boundary.orbit
+    assert orbit is not None
+    assert len(orbit.cycle) == 2
+    assert found.base is not None
+    assert found.base["w"] == pytest.approx(0.5, abs=0.02)
+    page = gsp.write_report(found, tmp_path).read_text()
+    for text in (
+        "not normally hyperbolic (refuted on w",
+        "orbits that reach it jump",
+        "It ends here: ",
+        "refuted",
+    ):
+        assert text in page
+    # Nothing was measured, so that there is nothing to draw; the rest is there.
+    assert not (tmp_path / "error_against_epsilon.png").exists()
+    for name in ("time_series", "convergence", "failure_map", "critical_manifold", "phenomenon"):
+        assert (tmp_path / f"{name}.png").exists()
+    assert "the computation failed" not in page
+    assert "does not land" not in page
 
 
 def test_a_saddle_type_scene_is_analysed_without_landing_runs() -> None:

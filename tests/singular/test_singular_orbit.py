@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+import gsp
 from gsp import charts
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError, HyperbolicityError
@@ -203,3 +204,16 @@ def test_the_chart_of_an_open_orbit_and_wrong_names(van_der_pol):
     assert charts.png(charts.singular_orbit(orbit, names=("z", "x"))).startswith(b"\x89PNG")
     with pytest.raises(DeclarationError, match="over a slow variable"):
         charts.singular_orbit(van_der_pol, names=("x", "y"))
+
+
+def test_a_current_that_rises_for_ever_is_at_rest_nowhere() -> None:
+    """I' = r: past the last fold w and I grow as long as they are followed, and what is far moves slowly beside it."""
+    v, w, current = sp.symbols("v w I")
+    fast = {v: v - v**3 / 3 - w + current}
+    slow = {w: v + sp.Rational(7, 10) - 4 * w / 5, current: sp.Rational(1, 5)}
+    (branch,) = gsp.solve_critical(
+        gsp.SlowFastSystem(slow=slow, fast=fast, epsilon=sp.Symbol("epsilon"))
+    ).branches
+    found = gsp.singular_orbit(branch, {"w": -0.6, "I": 0, "v": -1.25})
+    assert "no fold within a slow time of" in str(found.message)
+    assert found.pieces[-1].run["I"][-1] > 100
