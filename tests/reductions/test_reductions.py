@@ -416,8 +416,8 @@ def test_states_that_are_fast_together_are_a_candidate_however_many_they_are() -
     }
     parameters = {"La": 0.0006, "J": 0.0004, "Cv": 0.004, "Ih": 0.0008}
     found = find_reductions(scene(equations, parameters, {**dict.fromkeys("iwpq", 0), "T": 25}, 3))
-    assert found.recommended is not None
-    assert found.recommended.name == "quasi-steady state of i, w, p, q"
+    # Which of those that serve is the cheapest the clock says.
+    assert "quasi-steady state of i, w, p, q" in {each.name for each in found.found if not each.why_not}
     assert "Fast there: i, w, p, q" in found.scales.message
 
 
@@ -439,7 +439,8 @@ def test_where_a_clock_drives_the_fast_variables_are_what_counts() -> None:
     # Its wheel alone is fast: to order 0 it has no damper, and the error is a seventh.
     best = find_reductions(plain)
     assert best.recommended is not None
-    assert (best.recommended.name, best.recommended.order) == ("quasi-steady state of zu, vu", 1)
+    assert best.recommended.name == "quasi-steady state of zu, vu"
+    assert best.recommended.order > 0
     assert [each.error > 0.1 for each in best.found if each.name == best.recommended.name].count(True) == 1
 
 
@@ -449,13 +450,15 @@ def test_what_grows_from_what_the_layer_leaves_is_reduced_from_order_1_on() -> N
     plain = scene(rates, {"k": 2.4e-8}, {"T": 1e6, "I": 0, "V": 1000}, 100)
     found = find_reductions(plain)
     assert found.recommended is not None
-    assert (found.recommended.name, found.recommended.order) == ("quasi-steady state of V", 1)
+    assert found.recommended.name == "quasi-steady state of V"
+    assert found.recommended.order > 0
     # The order 0 stays where nobody is infected; what is kept moves all the same.
     assert not found.recommended.counts_fast
     errors = {each.order: each.error for each in found.found if each.name == found.recommended.name}
     assert errors[0] > 0.9
     assert errors[1] < TOLERANCE
-    assert found.nearest is found.recommended
+    assert found.nearest is not None
+    assert (found.nearest.name, found.nearest.order) == (found.recommended.name, 1)
     told = find_reductions(plain, tolerance=1e-5)
     assert told.nearest is not None
     assert f"{errors[1]:.2g} to order 1, and {errors[3]:.2g} to order 3" in told.reason
@@ -552,7 +555,7 @@ def test_one_run_has_one_cost() -> None:
     choice = choose(found.recommended.scene, tolerance=1e-3)
     told = found.with_costs(choice)
     assert told.recommended in told.found
-    order = found.recommended.order
+    order = told.recommended.order
     (own,) = [c for c in choice.candidates if c.order == order]
     assert (told.recommended.seconds, told.recommended.full_seconds) == (
         own.seconds,

@@ -34,7 +34,7 @@ def test_the_page_begins_with_the_time_scales_the_table_and_the_reason(found, tm
     assert text.index('id="time_scales"') < text.index("Figure 1.")
     assert found.scales.message in text
     rows = re.findall(r"<tr><td>(.*?)</td><td>(quasi-steady[^<]*)</td>", text)
-    assert [name for _, name in rows] == [each.name for each in found.shown()]
+    assert [name for _, name in rows] == [each.name for each in found.with_costs(analysis.choice).shown()]
     assert [name for mark, name in rows if mark] == [found.taken.name]
     assert "an error was measured" not in text
     content = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
