@@ -735,3 +735,43 @@ def test_a_scene_that_was_changed_is_not_told_another_ones_story() -> None:
     scene = models.load("van_der_pol")
     changed = gsp.study(scene).asking(epsilon=0.02).scene
     assert demos._told(changed) == {}
+
+
+WHOLE_CYCLE = """
+[parameters]
+a = 0.7
+b = 0.8
+I = 0.5
+[slow]
+w = "v + a - b*w"
+[fast]
+v = "v - v^3/3 - w + I"
+[region]
+w = [-0.5, 1.5]
+v = [-2.5, 2.5]
+[start]
+w = 0.5
+v = 1.5
+[scene]
+span = [0, 8]
+epsilon = 0.05
+"""
+
+
+def test_a_jump_from_a_first_short_piece_is_no_initial_layer(opened) -> None:
+    """The start is a fifth of a unit of time from the fold: reduced runs begin behind the jump, and are not followed
+    back through it, which took them to w = 4.5.
+    """
+    page = opened(WHOLE_CYCLE)
+    asked = (
+        "const piece = current.result.pieces[0]; const run = piece.runs[0];"
+        "return [run.first, run.begun, piece.left];"
+    )
+    first, begun, left = page.run(asked)
+    assert left is True
+    assert first == begun > 0.5
+    # From further off on the same sheet there is an initial layer, and reduced runs begin with the start.
+    far = opened(WHOLE_CYCLE, fragment="#s.w=-0.5&s.v=1.5")
+    first, begun, left = far.run(asked)
+    assert (first, left) == (0, False)
+    assert 0.1 < begun < 0.5

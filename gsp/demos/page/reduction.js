@@ -143,10 +143,12 @@ function makeModel(data, program) {
     return u;
   }
 
-  // Where, from node `from` on, the full run has spent `wanted` e-folds over the attracting part: past its layer.
+  // Where, from node `from` on, the full run has spent `wanted` e-folds over the attracting part, past its layer, {at, left}: and
+  // whether it has left another piece of it before, on which it had settled to order epsilon. at is -1 where it never does.
   function arrival(run, s, from, wanted) {
     const p = constants(s);
-    let folds = 0;
+    const settled = Math.log(1 / s.epsilon);
+    let [folds, left] = [0, false];
     let before = NaN;
     const u = new Float64Array(nSlow + nFast);
     for (let i = from; i < run.times.length; i++) {
@@ -154,12 +156,13 @@ function makeModel(data, program) {
       const gap = gapAt(u, p);
       if (i > from) {
         const rate = (0.5 * (gap + before)) / s.epsilon;
+        left ||= !(rate > 0) && folds > settled;
         folds = rate > 0 ? folds + rate * (run.times[i] - run.times[i - 1]) : 0;
-        if (folds >= wanted && gap > 0) return i;
+        if (folds >= wanted && gap > 0) return { at: i, left };
       }
       before = gap;
     }
-    return -1;
+    return { at: -1, left };
   }
 
   // e-folds after which what is left of the layer is below the smallest error that is looked at.
@@ -353,12 +356,13 @@ function makeModel(data, program) {
     let spent = 0;
     const pieces = accuracy.pieces ?? PIECES;
     for (let piece = 0; piece < pieces && from < result.full.times.length - 1; piece++) {
-      const at = arrival(result.full, s, from, layerFolds(s));
+      const { at, left } = arrival(result.full, s, from, layerFolds(s));
       if (at < 0) break;
       if (piece === 0) result.layerEnd = result.full.times[at];
       const end = s.span[1];
-      const runs = possible.map((k) => reduced(result.full, s, at, k, end, piece === 0, accuracy));
-      result.pieces.push({ at, runs });
+      // Back to the start's base point, over the initial layer alone.
+      const runs = possible.map((k) => reduced(result.full, s, at, k, end, piece === 0 && !left, accuracy));
+      result.pieces.push({ at, left, runs });
       spent += runs.reduce((total, run) => total + (run.steps ?? 0), 0);
       if (spent > 2 * accuracy.reducedSteps) {
         result.cut = s.span[1] > result.full.times[at];
@@ -550,11 +554,11 @@ function makeModel(data, program) {
     };
   }
 
-  // The full run from its start until it has reached the manifold, {times, run, on}: its quantities at every node, and those
+  // The full run from its start until it has reached the manifold, {times, run, on}, null where it was on another piece before: its quantities at every node, and those
   // of the slow manifold, cut where it is best, over the same slow variables. The sheet is followed back from where the run
   // has reached it, and NaN stands where it does not go so far.
   function layer(result, s) {
-    if (!result.pieces.length) return null;
+    if (!result.pieces.length || result.pieces[0].left) return null;
     const { at } = result.pieces[0];
     const p = constants(s);
     const { full } = result;
