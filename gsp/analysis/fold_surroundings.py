@@ -157,8 +157,8 @@ def not_followed(study: Study) -> GspError | None:
     for key, (low, high) in _box(study).items():
         if not low <= start[key] <= high:
             return GspError(
-                f"over the start's slow values the sheet nearest to the start is at {key} = {start[key]:.6g}, outside "
-                "the box around the region in which folds are followed.",
+                f"over the start's slow values the sheet of its run is at {key} = {start[key]:.6g}, outside the box "
+                "around the region in which folds are followed.",
                 f"Start over slow values at which the region holds a point of the branch, or bound {key} around it.",
                 got=f"the box {key} in [{low:.6g}, {high:.6g}]",
                 value=start[key],

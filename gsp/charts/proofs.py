@@ -14,7 +14,6 @@ from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import LINE, box_points, on_branch
 from gsp.charts.style import INK, PALE, SERIES, VERMILION, chart, legend, name_axes
 from gsp.errors import DeclarationError
-from gsp.proofs.verdict import ProofVerdict
 
 Boxes = tuple[tuple[tuple[float, float], ...], ...]
 
@@ -25,7 +24,7 @@ def has_boxes(analysis: Analysis) -> bool:
     The boxes of a refutation prove nothing: some of them may hold another sheet.
     """
     found = analysis.hyperbolicity.certificate
-    if found is None or found.verdict is ProofVerdict.REFUTED:
+    if found is None or found.verdict.name == "REFUTED":
         return False
     return len(found.region) in (1, 2) and bool(found.boxes) and found.tried > 1
 

@@ -131,7 +131,7 @@ def _nothing_inside(branch: Branch, box: Mapping[str, Interval]) -> BranchError:
     values = (*branch.seed[0], *branch.seed[1])
     through = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(branch.system.states, values))
     return BranchError(
-        f"the sheet of the branch {branch} through {through}, which is the one nearest to the start, has no point in "
+        f"the sheet of the branch {branch} through {through}, to which the run from the start belongs, has no point in "
         f"the region {shown_region(box)}.",
         "Start over slow values at which the region holds a point of the branch, or move the region.",
     )

@@ -13,7 +13,6 @@ from gsp.analysis.analysis import Analysis
 from gsp.charts import has_constant_eigenvalues
 from gsp.choice.verdict import in_words
 from gsp.hyperbolicity.hyperbolicity import Kind
-from gsp.proofs.verdict import ProofVerdict
 from gsp.report.claims import claims_of
 from gsp.report.contacts import no_slip
 from gsp.report.ramps import ramps
@@ -227,8 +226,8 @@ class Page(Setting):
     def how_known(self) -> str:
         """Proved, refuted, or by samples alone."""
         certificate = self.analysis.hyperbolicity.certificate
-        decided = {ProofVerdict.PROVED: "proved", ProofVerdict.REFUTED: "refuted"}
-        return "sampled" if certificate is None else decided.get(certificate.verdict, "sampled")
+        decided = {"PROVED": "proved", "REFUTED": "refuted"}
+        return "sampled" if certificate is None else decided.get(certificate.verdict.name, "sampled")
 
     def evidence(self) -> str:
         """How the verdict is known, as a sentence."""
@@ -239,7 +238,7 @@ class Page(Setting):
                 f"{text}, in ball arithmetic: the kind, and that no eigenvalue comes nearer to the axis than proved. "
                 f"The numbers above are the worst of {found.samples} samples, refined."
             )
-        if found.certificate is not None and found.certificate.verdict is ProofVerdict.REFUTED:
+        if self.how_known() == "refuted":
             return f"{text}. That is proved in ball arithmetic."
         return f"{text}, the worst of them refined. This is evidence, not a proof."
 

@@ -96,7 +96,7 @@ def test_a_sheet_outside_the_box_is_named_with_its_place() -> None:
     study = study_of(Scene(system, region, {"y": 1.0, "x": -1.5}, (0, 0.1), 0.01, (0.02, 0.01), 1e-4))
     obstacle = not_followed(study)
     assert obstacle is not None
-    assert "the sheet nearest to the start is at x = 2.1038, outside the box" in obstacle.fact
+    assert "the sheet of its run is at x = 2.1038, outside the box" in obstacle.fact
     assert surroundings(study) is None
 
 

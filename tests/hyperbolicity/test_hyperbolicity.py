@@ -359,7 +359,7 @@ def test_a_region_without_a_real_point_is_refused() -> None:
     wave = SlowFastSystem(slow={x: y}, fast={y: x - y * (1 - y) * (y - 0.2)}, epsilon=eps)
     region = {"x": (-0.05, 0.01), "y": (-0.05, 0.06)}
     sheet = solve_critical(wave).nearest({"x": -0.01, "y": 0}, region=region)
-    with pytest.raises(BranchError, match=r"the sheet .* through x = -0.01, y = .* nearest to the start"):
+    with pytest.raises(BranchError, match=r"the sheet .* through x = -0.01, y = .*, to which the run"):
         classify(sheet, region=region)
     with pytest.raises(DeclarationError, match="classify takes a Branch"):
         classify(3, region=UNIT)  # pyright: ignore[reportArgumentType]
