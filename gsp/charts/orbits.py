@@ -225,7 +225,7 @@ def _layer(analysis: Analysis) -> float:
     found, study = analysis.hyperbolicity, analysis.study
     if found.gap > 0.0:
         return analysis.scene.epsilon / found.gap
-    rates = np.abs(found.eigenvalues([study.start[x.name] for x in study.system.x]).real)
+    rates = np.abs(np.real(found.eigenvalues([study.start[x.name] for x in study.system.x])))
     return analysis.scene.epsilon / max(float(rates.min()), np.finfo(float).tiny)
 
 

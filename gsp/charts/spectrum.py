@@ -70,8 +70,11 @@ def _line(analysis: Analysis, axes: Axes, name: str) -> None:
     # Beyond a fold the branch has no point, and no eigenvalue.
     known = np.isfinite(nearest)
     lost = {loss.point[name]: loss.eigenvalue.real for loss in analysis.hyperbolicity.losses}
-    failing = [at for (at,) in _failing(analysis, [name])]
-    _ring(axes, [(at, lost.get(at, np.interp(at, x[known, 0], nearest[known]))) for at in failing])
+
+    def height(at: float) -> float:
+        return lost[at] if at in lost else float(np.interp(at, x[known, 0], nearest[known]))
+
+    _ring(axes, [(at, height(at)) for (at,) in _failing(analysis, [name])])
     axes.set_xlim(x[0, 0], x[-1, 0])
     low, high = margins(np.append(real.ravel(), 0.0), 0.08)
     axes.set_ylim(low, high)
