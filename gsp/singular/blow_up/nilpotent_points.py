@@ -106,14 +106,15 @@ def _more(
         return [g_y.trace()]
     if kind not in (LossKind.CUSP, LossKind.FOLDED_SINGULARITY):
         return []
-    # Where g_y is singular its adjugate is r l^T, of its null vectors.
-    adjugate = g_y.adjugate(method="berkowitz")
-    sizes = np.abs(np.array(adjugate.xreplace(dict(given)).evalf(20), dtype=float))
-    i, j = np.unravel_index(np.argmax(sizes), sizes.shape)
+    # Where g_y is singular its adjugate is r l^T, of its null vectors: one column or row of it, where that is largest.
+    left, _, right = np.linalg.svd(np.array(g_y.xreplace(dict(given)).evalf(20), dtype=float))
+    i, j = int(np.argmax(np.abs(right[-1]))), int(np.argmax(np.abs(left[:, -1])))
+    places = range(len(g))
     if kind is LossKind.CUSP:
         slopes = jacobian([g_y.det(method="berkowitz")], system.y)
-        return [(slopes * adjugate.col(int(j)))[0]]
-    return [(adjugate.row(int(i)) * jacobian(g, system.x) * sp.Matrix(f))[0]]
+        return [(slopes * sp.Matrix([g_y.cofactor(j, k, method="berkowitz") for k in places]))[0]]
+    row = sp.Matrix([[g_y.cofactor(k, i, method="berkowitz") for k in places]])
+    return [(row * jacobian(g, system.x) * sp.Matrix(f))[0]]
 
 
 def _held(
