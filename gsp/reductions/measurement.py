@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import sympy as sp
 
 from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.choice.candidates import (
@@ -134,7 +135,10 @@ def _trial(reduction: Reduction, study: Study, rtol: float) -> Trial:
 
 
 def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
-    """The scene with a bookkeeping epsilon, and with a parameter in its place where one divides the fast rates."""
+    """The scene with a bookkeeping epsilon, and with a parameter in its place where one divides the fast rates.
+
+    One that stands elsewhere too, as R in (I - u/R)/C, would make other orders of the same rates.
+    """
     fast = part.states
     if fast is None:
         made = with_bookkeeping(scene, part.field(field_of(scene)), ())
@@ -145,7 +149,9 @@ def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
         if (
             value > 0
             and all(
-                misplaced_epsilon(rate, parameter) is None and pole_order(rate, parameter) == (state in fast)
+                misplaced_epsilon(rate, parameter) is None
+                and pole_order(rate, parameter) == (state in fast)
+                and not sp.expand_mul(rate * parameter if state in fast else rate).has(parameter)
                 for state, rate in rates.items()
             )
             and are_fast_by_themselves(rates, parameter, fast)

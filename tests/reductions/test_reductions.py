@@ -730,3 +730,24 @@ def test_what_is_told_of_an_order_is_told_of_its_own_run() -> None:
     assert found.recommended is not None
     for each in found.found:
         assert np.isnan(each.error) or "does not reach the end" not in each.why_not
+
+
+def test_a_parameter_that_stands_elsewhere_too_is_no_small_parameter() -> None:
+    """A resistor and a capacitor: divided by R alone u is 0 to order 0, and R I in its quasi-steady state."""
+    rates = {"z": "-I/7200", "u": "(I - u/R)/C", "v": "(I - v/2)/40000"}
+    plain = scene(rates, {"R": 0.01, "C": 500, "I": 2}, {"z": 1, "u": 0, "v": 0}, 3000)
+    found = find_reductions(plain, tolerance=0.01)
+    assert found.recommended is not None
+    assert found.study is not None
+    choice = choose(found.study)
+    # The orders of the table are those of the answer.
+    told = {c.order: c.predicted for c in choice.candidates if c.order is not None and c.is_measured}
+    for each in found.found:
+        if each.name == found.recommended.name and not each.why_not:
+            assert told[each.order] == pytest.approx(each.error, rel=0.2)
+    full_cut = find_reductions(
+        scene({"z": "-I/7200", "u": "(I - u)/C"}, {"C": 0.05, "I": 2}, {"z": 1, "u": 0}, 3000), tolerance=0.01
+    )
+    # One that divides the whole rate, and nothing else, is.
+    assert full_cut.recommended is not None
+    assert str(full_cut.recommended.scene.system.epsilon) == "C"
