@@ -151,7 +151,7 @@ def _scenes(scene: Scene, part: FastPart | SpecialPart) -> tuple[Scene, Scene]:
             and all(
                 misplaced_epsilon(rate, parameter) is None
                 and pole_order(rate, parameter) == (state in fast)
-                and not sp.expand_mul(rate * parameter if state in fast else rate).has(parameter)
+                and not (sp.expand_mul(rate * parameter) if state in fast else rate).has(parameter)
                 for state, rate in rates.items()
             )
             and are_fast_by_themselves(rates, parameter, fast)
