@@ -214,6 +214,7 @@ def find_reductions(
     parts = fast_parts(field, large=large)
     ranked = sorted(_screened(plain, run, gaps, parts), key=lambda pair: pair[0])
     look_at(part for _, part in ranked[:MEASURED])
+    named = set(found)
     if _nearest(found) is None:
         # Nothing that has a name is separated: combinations of states may be.
         most = len(field.states) - len(scales.conserved) - 1
@@ -221,7 +222,8 @@ def find_reductions(
         look_at(part for _, part in _screened(plain, run, gaps, unnamed))
     is_separated = gaps >= needed_gap(LARGEST)
     special = with_errors(plain, run, special_parts(field, lambda count: bool(is_separated[count - 1])))
-    if all(each.why_not for each in found):
+    # What no state or reaction names may have a formula.
+    if all(each.why_not for each in named):
         look_at(SpecialPart(e) for e in special[:MEASURED] if e.error is not None and e.error <= LARGEST)
     timed = timed_together(plain, found)
     timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))

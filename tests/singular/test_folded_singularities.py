@@ -14,6 +14,7 @@ from gsp.singular.singularities.folded_singularities import (
     folded_singularities,
     folded_singularity,
 )
+from tests.literature import FOLDER
 
 x, y, z, u, eps = sp.symbols("x y z u epsilon")
 h, s, v = sp.symbols("h s v")
@@ -354,3 +355,22 @@ def test_slow_rates_that_switch_elsewhere_change_nothing_at_a_folded_singularity
     (switching,) = found(3 + sp.sign(x))
     assert switching.kind is FoldedKind.DEGENERATE
     assert switching.reason == "the rates are not smooth here, where sign(x) switches"
+
+
+def test_where_branches_cross_along_a_curve_no_folded_singularities_are_told() -> None:
+    """An epidemic with slow loss of immunity: infected and healthy equilibria meet along a curve, which is no fold."""
+    found = gsp.study(gsp.load(FOLDER / "sirs.toml"))
+    box = {"p1": (-0.1, 0.1), "p2": (0.1, 0.3), "r": (-0.7, 0.7)}
+    with pytest.raises(FoldedError, match="not isolated"):
+        gsp.folded_singularities(found.system, region=box)
+
+
+def test_a_step_that_leads_beyond_all_numbers_is_no_point() -> None:
+    """y (x - exp(z) - y) = 0: where its branches cross all slopes are singular, and exp of a step overflows."""
+    x, y, z, epsilon = sp.symbols("x y z epsilon")
+    system = gsp.SlowFastSystem(slow={x: 1 - y, z: x / 2}, fast={y: y * (x - sp.exp(z) - y)}, epsilon=epsilon)
+    try:
+        found = gsp.folded_singularities(system, region={"x": (0.5, 3), "z": (-0.5, 1), "y": (-1, 1)})
+    except FoldedError:
+        return
+    assert all("critical manifold is singular" in each.reason for each in found)

@@ -135,13 +135,21 @@ def folded_singularities(
         units = np.array([high - low for low, high in sides])
         points = locate(equations, system.states, starts=_starts(flow, region, names), units=units)
     except InfinitelyManyPoints:
-        raise FoldedError(
-            f"the folded singularities are not isolated: g = g_{flow.y} = g_x f = 0 along a curve.",
-            "The slow flow is tangent to the fold all along.",
-            got=f"g = {flow.g}, f = {', '.join(map(str, flow.f))}",
-        ) from None
-    inside = [p for p in points if _inside(p, box)]
-    return tuple(_classified(system, flow, p) for p in inside)
+        raise _along_a_curve(flow) from None
+    found = tuple(_classified(system, flow, p) for p in points if _inside(p, box))
+    # A zero eigenvalue is a coincidence; several that Newton's method finds are places on a curve.
+    single = (FoldedKind.SADDLE, FoldedKind.NODE, FoldedKind.FOCUS)
+    if sum(not (p.is_exact or p.kind in single) for p in found) > 1:
+        raise _along_a_curve(flow)
+    return found
+
+
+def _along_a_curve(flow: Desingularised) -> FoldedError:
+    return FoldedError(
+        f"the folded singularities are not isolated: g = g_{flow.y} = g_x f = 0 along a curve.",
+        "The slow flow is tangent to the fold all along, or branches of the critical manifold cross there.",
+        got=f"g = {flow.g}, f = {', '.join(map(str, flow.f))}",
+    )
 
 
 def folded_singularity(

@@ -160,8 +160,11 @@ def polish(
     scales = [sp.Float(float(unit), 20) for unit in (units if units is not None else [1.0] * len(unknowns))]
     lengths: list[sp.Float] = []
     for _ in range(40):
-        value = matrix.xreplace(u).evalf(digits + 10)
-        slope = slopes.xreplace(u).evalf(digits + 10)
+        try:
+            value, slope = (m.xreplace(u).evalf(digits + 10) for m in (matrix, slopes))
+        except OverflowError:
+            # From where the slopes are singular a step leads beyond all numbers.
+            return u, sp.Float(1, 20)
         if all(entry == 0 for entry in value):
             return u, sp.Float(10, 20) ** (-digits)
         try:
