@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -169,8 +168,9 @@ def compare(
     full, slow = (
         (study.system, [x.name for x in study.system.x]) if nesting is None else (nesting.ray, nesting.watched)
     )
+    expected = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
 
-    def measured(origin: Mapping[str, float]) -> Measured:
+    def measured(origin: Mapping[str, float], begins: str = "") -> Comparison:
         errors: dict[int, list[float]] = {n: [] for n in reached_orders}
         statuses: dict[int, list[Status]] = {n: [] for n in reached_orders}
         claimed: dict[str, list[float]] = {name: [] for name in rivals}
@@ -212,46 +212,32 @@ def compare(
                 claimed[name].append(largest_error(run, reference, names))
             if progress is not None:
                 progress((i + 1) / len(ladder))
-        return Measured(errors, statuses, claimed, floor)
+        highest = max(reached_orders)
+        floor = with_rounding(ladder, errors[highest], floor, power=expected[highest])
+        return Comparison(
+            scene=scene,
+            epsilons=ladder,
+            errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
+            slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
+            expected=MappingProxyType(expected),
+            floor=tuple(floor),
+            statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
+            claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
+            claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
+            correction=correction,
+            ending=ending,
+            begins=begins,
+        )
 
-    found, begins = measured(study.start), ""
-    if inner is None and nesting is None and not rivals and found.is_exact():
+    found = measured(study.start)
+    if inner is None and nesting is None and not rivals and all(map(found.is_exact, reached_orders)):
         # A start at rest, as without a single one infected, would say so of any reduction.
         base = _base_of(study)
         if base is not None:
-            found = measured(base)
-            begins = "both runs begin on the slow manifold, over the base point of the scene's start"
-    errors, statuses, claimed, floor = found
-    expected = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
-    if reached_orders:
-        floor = with_rounding(ladder, errors[max(reached_orders)], floor, power=expected[max(reached_orders)])
-    return Comparison(
-        scene=scene,
-        epsilons=ladder,
-        errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
-        slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
-        expected=MappingProxyType(expected),
-        floor=tuple(floor),
-        statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
-        claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
-        claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
-        correction=correction,
-        ending=ending,
-        begins=begins,
-    )
-
-
-class Measured(NamedTuple):
-    """Errors and statuses by order, the errors of rival fields by name, and the reference's own error."""
-
-    errors: Mapping[int, list[float]]
-    statuses: Mapping[int, list[Status]]
-    claimed: Mapping[str, list[float]]
-    floor: list[float]
-
-    def is_exact(self) -> bool:
-        """Whether all errors are within the reference's own."""
-        return all(e <= CLEARANCE * f for values in self.errors.values() for e, f in zip(values, self.floor))
+            return measured(
+                base, "both runs begin on the slow manifold, over the base point of the scene's start"
+            )
+    return found
 
 
 def _base_of(study: Study) -> Mapping[str, float] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from gsp.choice.candidates import (
     full_candidate,
     run_model,
 )
-from gsp.choice.choice import choose
+from gsp.choice.choice import Choice, choose
 from gsp.choice.costs import timed
 from gsp.choice.forecast import LAYER_LEFT
 from gsp.choice.measured_errors import RTOL, measured_errors
@@ -57,12 +57,13 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         counted, shown = _scenes(scene, part)
         study = Study(counted)
         counts_fast = _counts_fast(study)
-        # Only where something is separated are corrections of use; elsewhere they may run for minutes.
-        for orders in (LEADING[:1], LEADING, ORDERS):
-            choice = choose(study, orders=orders, fast=counts_fast, solve=False)
-            errors = measured_errors(study, choice.candidates, choice.names, choice.layer)
-            if not choice.candidates[0].follows or (orders is LEADING and not _is_separated(errors)):
-                break
+        choice, errors = _looked_at(study, LEADING[:1], counts_fast)
+        if choice.candidates[0].follows:
+            if not _is_separated(errors):
+                choice, errors = _looked_at(study, LEADING, counts_fast)
+            # Only where something is separated are corrections of use; elsewhere they may run for minutes.
+            if _is_separated(errors):
+                choice, errors = _looked_at(study, ORDERS, counts_fast)
     except (GspError, NotImplementedError, np.linalg.LinAlgError):
         return {}
     full = choice.candidates[-1]
@@ -92,6 +93,12 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         )  # fmt: skip
         found[reduction] = study
     return found
+
+
+def _looked_at(study: Study, orders: Sequence[int], counts_fast: bool) -> tuple[Choice, dict[int, float]]:
+    """The choice among the full system and the reduced flows of these orders, and what each is off by."""
+    choice = choose(study, orders=orders, fast=counts_fast, solve=False)
+    return choice, measured_errors(study, choice.candidates, choice.names, choice.layer)
 
 
 def _is_separated(errors: Mapping[int, float]) -> bool:

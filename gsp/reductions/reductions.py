@@ -227,11 +227,9 @@ def find_reductions(
         look_at(SpecialPart(e) for e in special[:MEASURED] if e.error is not None and e.error <= LARGEST)
     timed = timed_together(plain, found)
     timed.sort(key=lambda each: (not np.isfinite(each.error), each.error))
-    serving = {
-        each.candidate: each for each in sorted(timed, key=lambda r: (r.order, r.error)) if not each.why_not
-    }
-    best = cheapest(list(serving))
-    recommended = None if best is None else serving[best]
+    serving = sorted((each for each in timed if not each.why_not), key=lambda r: (r.order, r.error))
+    best = cheapest([each.candidate for each in serving])
+    recommended = next((each for each in serving if each.candidate is best), None)
     nearest = _nearest(timed)
     solved = recommended is None and nearest is not None and is_solved(found[nearest])
     reason = _reason(plain, timed, recommended, nearest, gaps, solved)

@@ -220,8 +220,7 @@ class Page(Setting):
 
     def is_proved(self) -> bool:
         """Whether the kind is proved over the region."""
-        certificate = self.analysis.hyperbolicity.certificate
-        return certificate is not None and certificate.verdict.name == "PROVED"
+        return self.how_known() == "proved"
 
     def how_known(self) -> str:
         """Proved, refuted, or by samples alone."""

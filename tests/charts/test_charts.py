@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 import gsp
 from gsp import SlowFastSystem, analyse, charts, compare, models
+from gsp.charts.orbits import shrinks_in_proportion
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import LADDER, mathematics, plain
 from gsp.comparison.method_table import method_table
@@ -326,3 +327,16 @@ def test_the_axis_of_time_scales_ends_where_a_mode_stands_still() -> None:
     assert np.nanmax(scales.times) > 1e12
     low, high = charts.time_scales(scales).get_ylim()
     assert low < 0.1 < high <= 2000
+
+
+@pytest.mark.parametrize(("infected", "shrinks"), [(0, False), (0.1, True)])
+def test_full_runs_come_nearer_in_proportion_where_the_limit_is_theirs(infected: float, shrinks: bool) -> None:
+    """Without a single one infected the limit stays where it is, and every full run goes off with the virions."""
+    T, ill, V, epsilon = sp.symbols("T ill V epsilon")
+    spread = T * V / 50
+    system = SlowFastSystem(
+        slow={T: 1 - T - spread, ill: spread - ill}, fast={V: 200 * ill - V}, epsilon=epsilon
+    )
+    region = {"T": (0, 2), "ill": (0, 2), "V": (0, 400)}
+    scene = Scene(system, region, {"T": 1, "ill": infected, "V": 1}, (0, 3), 0.02)
+    assert shrinks_in_proportion(analyse(scene, orders=(0, 1), order=1)) is shrinks

@@ -7,8 +7,6 @@ import pytest
 import sympy as sp
 
 from gsp import load, models
-from gsp.analysis.analysis import analyse
-from gsp.charts.orbits import shrinks_in_proportion
 from gsp.comparison.comparison import compare, on_manifold, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.scenes.scene import Scene
@@ -217,10 +215,8 @@ def test_a_start_at_rest_is_compared_over_its_base_point() -> None:
     assert "over the base point of the scene's start" in str(found)
     assert found.slopes[0] == pytest.approx(1, abs=0.1)
     assert found.slopes[1] == pytest.approx(2, abs=0.15)
-    assert shrinks_in_proportion(analyse(scene, orders=(0, 1), order=1)) is False
     moving = replace(scene, start={"T": 1, "ill": 0.1, "V": 1})
     assert not compare(moving, orders=(0, 1)).begins
-    assert shrinks_in_proportion(analyse(moving, orders=(0, 1), order=1)) is True
     # What is exact over both is exact.
     exact = compare(models.load("linear"), orders=(0, 1))
     assert all(exact.is_exact(order) for order in (0, 1))

@@ -303,6 +303,13 @@ def test_a_root_at_infinity_is_left_early_and_a_multiple_one_is_not(
     assert size > 1e-8
 
 
+def test_a_step_beyond_all_numbers_ends_the_search() -> None:
+    far = x / R(10) ** 30 - 1
+    reached, size = polish([far + sp.exp(sp.exp(x)) / R(10) ** 60], [x], {x: sp.Integer(0)}, digits=60)
+    assert float(reached[x]) == pytest.approx(1e30, rel=1e-6)
+    assert float(size) == 1.0
+
+
 def test_what_is_not_planar_is_refused() -> None:
     z = sp.Symbol("z")
     system = gsp.SlowFastSystem(slow={y: a - x, z: 1}, fast={x: y - x**2}, epsilon=eps, parameters={a: 0})

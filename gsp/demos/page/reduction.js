@@ -554,9 +554,9 @@ function makeModel(data, program) {
     };
   }
 
-  // The full run from its start until it has reached the manifold, {times, run, on}, null where it was on another piece before: its quantities at every node, and those
+  // The full run from its start until it has reached the manifold, {times, run, on}: its quantities at every node, and those
   // of the slow manifold, cut where it is best, over the same slow variables. The sheet is followed back from where the run
-  // has reached it, and NaN stands where it does not go so far.
+  // has reached it, and NaN stands where it does not go so far. Null where the run was on another piece before.
   function layer(result, s) {
     if (!result.pieces.length || result.pieces[0].left) return null;
     const { at } = result.pieces[0];

@@ -24,7 +24,7 @@ ROUNDS = (0, 4, 16)
 # A rest point that is followed away and back is found again to this share of it.
 RETURNED = 1e-9
 # Tolerance of a run to the next branch, and how near it comes to it, as a share of the way.
-RUN, NEAR = 1e-8, 1e-4
+RTOL, NEAR = 1e-8, 1e-4
 
 
 def thresholds(given: Ramped, way: list[Place], edge: Place) -> tuple[tuple[bool, bool], list[Connection]]:
@@ -58,7 +58,7 @@ def _next_rest(given: Ramped, begin: Place, s: float) -> float:
     still = VectorField({state: rate}, epsilon=None, parameters=kept)
     x, time = float(begin.x[0]), 1.0
     for _ in range(64):
-        run = trajectory_of(still, {state.name: x}, (0.0, time), None, RUN, RUN * (abs(x) or 1.0))
+        run = trajectory_of(still, {state.name: x}, (0.0, time), None, RTOL, RTOL * (abs(x) or 1.0))
         if not run.status.ok:
             return float(np.sign(run.y[0, -1] - x) * np.inf)
         reached = float(run.y[0, -1])
