@@ -206,7 +206,8 @@ class Ending:
         if loss is not None and loss.is_fold:
             nearer = self._ahead(float(times[last]), states[last])
             if nearer is not None and nearer.is_fold:
-                return nearer, last
+                # A step that has come to the fold's own time leaves no time in which to come to its place.
+                return nearer, last - (last > 0 and float(times[last]) == nearer.t)
         return loss, j
 
     def _named(self, loss: DeterminantZero) -> tuple[Status, str, str]:
