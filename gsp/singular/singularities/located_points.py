@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -163,7 +164,6 @@ def polish(
         try:
             value, slope = (m.xreplace(u).evalf(digits + 10) for m in (matrix, slopes))
         except OverflowError:
-            # From where the slopes are singular a step leads beyond all numbers.
             return u, sp.Float(1, 20)
         if all(entry == 0 for entry in value):
             return u, sp.Float(10, 20) ** (-digits)
@@ -171,7 +171,8 @@ def polish(
             step = slope.LUsolve(value)
         except (ValueError, ZeroDivisionError):
             break
-        if not all(entry.is_finite for entry in step):
+        # From where the slopes are singular a step leads beyond all numbers.
+        if not all(entry.is_finite and math.isfinite(float(entry)) for entry in step):
             return u, sp.Float(1, 20)
         u = {s: sp.Float(u[s] - step[i], digits + 10) for i, s in enumerate(unknowns)}
         lengths.append(max(abs(entry) / unit for entry, unit in zip(step, scales)))
