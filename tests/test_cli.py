@@ -306,10 +306,14 @@ def test_folds_outside_the_region_are_called_so() -> None:
     assert not any(p["in_region"] for p in json.loads(run("folds", "van_der_pol", "--json").stdout)["special"])
 
 
-def test_two_curves_of_folds_are_told_apart() -> None:
+def test_two_curves_of_folds_are_told_apart_and_the_canards_on_them() -> None:
     text = run("folds", "koper").output
     assert "x = -1 throughout" in text
     assert "x = 1 throughout" in text
+    assert "outside the region: folded node at y = 0.9" in text
+    assert "secondary canards: 6" in text
+    points = json.loads(run("folds", "koper", "--json").stdout)["folded_singularities"]
+    assert [(p["kind"], p["secondary_canards"]) for p in points] == [("folded focus", 0), ("folded node", 6)]
 
 
 def test_folds_say_what_is_missing(tmp_path) -> None:

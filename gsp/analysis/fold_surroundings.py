@@ -56,7 +56,7 @@ class FoldBeyond:
     def __repr__(self) -> str:
         place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
         return (
-            f"FoldOutlook({place}: {'passage' if self.passage else 'canard point' if self.canard else 'none'})"
+            f"FoldBeyond({place}: {'passage' if self.passage else 'canard point' if self.canard else 'none'})"
         )
 
 
@@ -106,7 +106,6 @@ def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
     >>> boundary_of(study, classify(study.branch, region=study.region))
     Boundary(1 fold, 0 folded singularities, SingularOrbit(3 slow pieces, closed, 2 drops))
     """
-    box = _box(study)
     around = surroundings(study)
     found = Boundary(around)
     if isinstance(around, CriticalCurve):
@@ -114,7 +113,7 @@ def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
         found = Boundary(around, folds=tuple(_beyond(study, place) for place in places))
     if not found.has_folds:
         return replace(found, passage=_proved_passage(study, None))
-    folded, folded_reason = _folded(study, box)
+    folded, folded_reason = folded_around(study)
     orbit, period, orbit_reason = _orbit(study, hyperbolicity)
     return Boundary(
         around, found.folds, folded, folded_reason, orbit, orbit_reason, period, _cycle(study, orbit),
@@ -282,11 +281,12 @@ def _canard(study: Study, fold: Mapping[str, float]) -> CanardValue | None:
     return found if near else None
 
 
-def _folded(study: Study, box: Mapping[str, Interval]) -> tuple[tuple[FoldedSingularity, ...], Reason]:
+def folded_around(study: Study) -> tuple[tuple[FoldedSingularity, ...], Reason]:
+    """The folded singularities of one fast and two slow variables in the box of `surroundings`, or why none is told."""
     if len(study.system.x) != 2 or len(study.system.y) != 1:
         return (), NO_REASON
     try:
-        return folded_singularities(study.system, region=box), NO_REASON
+        return folded_singularities(study.system, region=_box(study)), NO_REASON
     except GspError as error:
         return (), error.reason
 

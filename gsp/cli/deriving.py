@@ -9,7 +9,7 @@ import click
 from gsp.cli.asking import asks, json_option
 from gsp.cli.program import cli
 from gsp.cli.telling import print_json, screenful, tell
-from gsp.errors import GspError
+from gsp.errors import NO_REASON, GspError
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
@@ -134,10 +134,11 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
 
     The search covers a box that is larger than the region by one and a half of its widths on every side. Points outside
     the region are marked. At a fold, a and b are the coefficients of v' = b dx + a v^2 along the null direction. The
-    weights say with which powers of epsilon orbits pass the point. For a field
-    that switches, the ends of sliding in the region are listed too.
+    weights say with which powers of epsilon orbits pass the point. Over two slow variables the folded singularities
+    follow, through which canards go. For a field that switches, the ends of sliding in the region are listed too.
     """
     from gsp.analysis.fold_surroundings import (
+        folded_around,
         local_scales,
         never_folds,
         not_followed,
@@ -145,6 +146,7 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
         switch_ends,
     )
     from gsp.critical.continuation.critical_curve import CriticalCurve
+    from gsp.critical.continuation.critical_sheet import CriticalSheet
     from gsp.scenes.study import study_of
 
     study = study_of(scene)
@@ -168,6 +170,7 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
     assert found is not None
     curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
     scales = local_scales(study, found)
+    folded, why_not = folded_around(study) if curves and isinstance(found, CriticalSheet) else ((), NO_REASON)
     if as_json:
         print_json(
             {
@@ -183,6 +186,8 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
                     for curve in curves
                     for p in curve.special
                 ],
+                "folded_singularities": [point.as_dict() for point in folded],
+                "folded_reason": why_not,
                 "switch_ends": sides,
                 "blow_ups": [
                     {"point": dict(s.point), "reason": str(s.reason)}
@@ -203,5 +208,9 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
     texts = [curve.described(study.region) for curve in curves]
     told = [str(s.blow_up) if blow_up and s.blow_up is not None else f"  {s}" for s in scales]
     texts += ["powers of epsilon there", *told] if scales else []
+    for point in folded:
+        inside = all(low <= float(point[name]) <= high for name, (low, high) in study.region.items())
+        texts.append(f"{'' if inside else 'outside the region: '}{point}")
+    texts += [f"folded singularities: {why_not}"] if why_not else []
     texts += map(str, ends)
     tell("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))

@@ -76,11 +76,10 @@ class CriticalManifold(Card):
         # Then its sheets are about a root of that away.
         lost = best is None or (best[0][1] <= 1e-2 and not best[1].nearest(x[None, :], y[None, :])[1][0])
         if lost and any(_is_fold(branch, x, y) for branch in self.branches):
-            place_of = ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
             raise BranchError(
                 "the start lies on a fold of the critical manifold, where two sheets meet and none is nearest.",
                 "Move the start along one of the sheets.",
-                got=place_of,
+                got=self._told(x, y),
             )
         middle = _between_fields(self.system, x, y) if best is None else None
         if middle is not None:
@@ -88,7 +87,19 @@ class CriticalManifold(Card):
         if best is None:
             raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
         self._refuse_far_branch(x, y, best[0][1])
-        return best[1]
+        sheet = best[1]
+        if sheet.seed is not None:
+            y = sheet.points(x[None, :], near=sheet.seed[1])[0]
+            if _is_fold(sheet, x, y):
+                raise BranchError(
+                    "the nearest sheet of the critical manifold ends right over the start, in a fold.",
+                    "Move the start's slow variables to where the sheet goes on.",
+                    got=self._told(x, y),
+                )
+        return sheet
+
+    def _told(self, x: np.ndarray, y: np.ndarray) -> str:
+        return ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
 
     def _refuse_far_branch(self, x: np.ndarray, y: np.ndarray, distance: float) -> None:
         """Raise `BranchError` when a piece that is no graph over x passes nearer to the point than every branch."""
@@ -157,9 +168,12 @@ def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
     slopes, sizes = at([derivative(e, s) for e in branch.equations for s in system.y])
     if not np.isfinite(slopes).all():
         return False
-    matrix = slopes.reshape(len(branch.equations), -1)
-    least = np.linalg.svd(matrix, compute_uv=False)[-1]
-    return bool(least <= ON_FOLD * sizes.max())
+    matrix, sizes = (m.reshape(len(branch.equations), -1) for m in (slopes, sizes))
+    # By the largest term of each equation, and then of each variable: units and factors decide nothing.
+    for axis in (1, 0):
+        largest = sizes.max(axis=axis, keepdims=True)
+        matrix, sizes = (m / np.where(largest > 0.0, largest, 1.0) for m in (matrix, sizes))
+    return bool(np.linalg.svd(matrix, compute_uv=False)[-1] <= ON_FOLD)
 
 
 @np.errstate(all="ignore")

@@ -274,9 +274,14 @@ def _screened(
 
 
 def _nearest(found: Iterable[Reduction]) -> Reduction | None:
-    """The reduction of leading order that is least in error, where that is small."""
-    errors = [e for e in found if e.order in LEADING and e.error <= LARGEST and e.candidate.follows]
-    return min(errors, key=lambda each: (each.order, each.error), default=None)
+    """Of the candidates whose error to leading order is small the one that comes nearest to any order."""
+    follow = [e for e in found if e.candidate.follows]
+    leading = [e for e in follow if e.order in LEADING and e.error <= LARGEST]
+
+    def nearness(each: Reduction) -> tuple[float, int, float]:
+        return min(e.error for e in follow if e.name == each.name), each.order, each.error
+
+    return min(leading, key=nearness, default=None)
 
 
 def _reason(

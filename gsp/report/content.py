@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import sympy as sp
-
 from gsp import charts
 from gsp.analysis.analysis import Analysis
 from gsp.analysis.fold_surroundings import FoldBeyond
@@ -122,19 +120,7 @@ def _boundary(analysis: Analysis) -> dict[str, Any]:
     found, epsilon = analysis.boundary, analysis.scene.epsilon
     return {
         "folds": [_fold(fold, epsilon) for fold in found.folds],
-        "folded_singularities": [
-            {
-                "kind": str(point.kind),
-                "point": point.point,
-                "eigenvalues": [[float(sp.re(v)), float(sp.im(v))] for v in point.eigenvalues],
-                "mu": point.mu,
-                "s_max": point.s_max,
-                "secondary_canards": point.secondary_canards,
-                "to_repelling": point.to_repelling,
-                "reason": point.reason,
-            }
-            for point in found.folded
-        ],
+        "folded_singularities": [point.as_dict() for point in found.folded],
         "folded_reason": found.folded_reason,
         "orbit": None
         if found.orbit is None

@@ -309,6 +309,18 @@ def test_a_start_on_a_fold_has_no_nearest_sheet() -> None:
     assert critical.nearest({"x": 1, "y": 1e300}).points(1e300)[0] == pytest.approx(3e300 ** (1 / 3))
 
 
+@pytest.mark.parametrize("powers", [(0, 0), (-18, 18), (12, -12)])
+def test_a_start_over_a_fold_has_no_sheet_to_go_on_with_in_any_units(powers) -> None:
+    """x + 1 + y = exp(y) has a double root over x = 0, and two sheets beside it."""
+    X, Y = x * sp.Rational(10) ** powers[0], y * sp.Rational(10) ** powers[1]
+    critical = solve_critical(SlowFastSystem(slow={x: Y - 1}, fast={y: X + 1 + Y - sp.exp(Y)}, epsilon=eps))
+    unit, fast_unit = 10.0 ** -powers[0], 10.0 ** -powers[1]
+    region = {"x": (-unit, unit), "y": (-fast_unit, fast_unit)}
+    with pytest.raises(BranchError, match="ends right over the start"):
+        critical.nearest({"x": 0.0, "y": 0.7 * fast_unit}, region=region)
+    assert critical.nearest({"x": 1e-3 * unit, "y": 0.7 * fast_unit}, region=region).seed is not None
+
+
 def test_a_start_beside_a_branch_with_a_complex_formula_is_refused_in_words() -> None:
     critical = solve_critical(one(y**2 + y + x * sp.tanh(x) - 1))
     with pytest.raises(BranchError, match="no branch of the critical manifold is real"):

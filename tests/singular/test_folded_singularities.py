@@ -6,7 +6,9 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
 from gsp.errors import DeclarationError
+from gsp.singular.singularities import located_points
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
 from gsp.singular.singularities.folded_singularities import (
     FoldedKind,
@@ -363,6 +365,21 @@ def test_where_branches_cross_along_a_curve_no_folded_singularities_are_told() -
     box = {"p1": (-0.1, 0.1), "p2": (0.1, 0.3), "r": (-0.7, 0.7)}
     with pytest.raises(FoldedError, match="not isolated"):
         gsp.folded_singularities(found.system, region=box)
+
+
+def test_solutions_along_a_curve_are_not_gone_through_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of exp(x) = 1 + y all along, a second equation or its multiple; a double root alone is a point."""
+    x, y = sp.symbols("x y")
+    curve = sp.exp(x) - 1 - y
+    polished = []
+    polish = located_points.polish
+    monkeypatch.setattr(located_points, "polish", lambda *a, **k: polished.append(a) or polish(*a, **k))
+    starts = [(0.1 * k, 0.3) for k in range(-5, 6)]
+    with pytest.raises(InfinitelyManyPoints, match="not isolated"):
+        located_points.locate([curve, curve * (2 + sp.cos(y))], [x, y], starts=starts)
+    assert not polished
+    (point,) = located_points.locate([curve, (x - y) ** 2], [x, y], starts=starts)
+    assert all(abs(float(value)) < 1e-6 for value in point.numbers().values())
 
 
 def test_a_step_that_leads_beyond_all_numbers_is_no_point() -> None:

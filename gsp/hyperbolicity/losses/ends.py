@@ -127,9 +127,11 @@ def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:
             return diagnosis.loss(
                 end, Contact.END, LossKind.NON_SMOOTH, str(switch.surface), here, SURFACE, note=note
             )
-    # The field ends rather than its hyperbolicity where the least |lambda| is this share of what it is over the
-    # samples.
-    if value > 1e-3 * _usual(diagnosis):
+    # The field ends, rather than its hyperbolicity, where it has no real value right beside.
+    steps = np.diag(AT_END * diagnosis.units)
+    if not np.isfinite(
+        sampler.compiled([*sampler.f, *sampler.g])(end + np.concatenate([steps, -steps]), sampler.p)
+    ).all():
         return diagnosis.loss(end, Contact.END, LossKind.DOMAIN_END, "least |lambda|", value, DOMAIN)
     note = "no zero eigenvalue, pole or switching surface was found where it ends"
     return diagnosis.loss(

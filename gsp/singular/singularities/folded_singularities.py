@@ -79,6 +79,19 @@ class FoldedSingularity(Card):
     def __getitem__(self, name: str) -> sp.Expr:
         return self.point[name]
 
+    def as_dict(self) -> dict[str, object]:
+        """Its numbers in plain values."""
+        return {
+            "kind": str(self.kind),
+            "point": {name: float(value) for name, value in self.point.items()},
+            "eigenvalues": [[float(sp.re(v)), float(sp.im(v))] for v in self.eigenvalues],
+            "mu": None if self.mu is None else float(self.mu),
+            "s_max": self.s_max,
+            "secondary_canards": self.secondary_canards,
+            "to_repelling": self.to_repelling,
+            "reason": self.reason,
+        }
+
     def __repr__(self) -> str:
         place = ", ".join(f"{name} = {float(value):.6g}" for name, value in self.point.items())
         tail = "" if self.mu is None else f", mu = {float(self.mu):.6g}"
@@ -89,7 +102,9 @@ class FoldedSingularity(Card):
         lines.append("  eigenvalues " + ", ".join(str(sp.N(v, 10)) for v in self.eigenvalues))
         if self.mu is not None:
             lines.append(f"  mu = {sp.N(self.mu, 10)}")
-        if self.s_max is not None:
+        if self.kind is FoldedKind.NODE and not self.to_repelling:
+            lines.append("  its canards lead from the repelling to the attracting sheet: faux canards only")
+        elif self.s_max is not None:
             lines.append(f"  s_max = {self.s_max}, secondary canards: {self.secondary_canards}")
         if self.reason:
             lines.append(f"  {self.reason}")

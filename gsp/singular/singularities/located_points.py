@@ -10,7 +10,7 @@ import flint
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.algebraic_numbers import AlgebraicPoint, arb, rational_point, real_points
+from gsp.algebra.algebraic_numbers import AlgebraicPoint, InfinitelyManyPoints, arb, rational_point, real_points
 from gsp.algebra.differentiation import jacobian
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
@@ -95,7 +95,7 @@ def locate(
 
     Lengths are in `units`, one for each unknown, and values in what a unit changes in each equation.
 
-    Raises `InfinitelyManyPoints` when rational equations have solutions that are not isolated.
+    Raises `InfinitelyManyPoints` when solutions are not isolated.
     """
     unknowns, equations = tuple(unknowns), tuple(equations)
     exact = real_points(equations, unknowns)
@@ -109,18 +109,33 @@ def locate(
         return values[:count], values[count:].reshape(count, len(unknowns))
 
     scales = np.ones(len(unknowns)) if units is None else units
-    found: list[np.ndarray] = []
-    for start in np.array(list(starts), dtype=float):
+
+    def solve(start: np.ndarray) -> np.ndarray | None:
         value, slope = evaluate(start)
         sizes = 1.0 if units is None else np.abs(value) + np.abs(slope * scales).max(axis=1)
-        u = gauss_newton(evaluate, start, scales=scales, sizes=sizes)
+        return gauss_newton(evaluate, start, scales=scales, sizes=sizes)
+
+    found: list[np.ndarray] = []
+    for start in np.array(list(starts), dtype=float):
+        u = solve(start)
         length = 1.0 if u is None else 1.0 + np.linalg.norm(u / scales)
         if u is None or any(np.abs((u - v) / scales).max() < SAME * length for v in found):
             continue
         value, slope = evaluate(u)
         # Roots at infinity: the residual is small, but the next step is not.
-        if np.linalg.norm(np.linalg.lstsq(slope * scales, value, rcond=None)[0]) < 1e-3 * length:
-            found.append(u)
+        if np.linalg.norm(np.linalg.lstsq(slope * scales, value, rcond=None)[0]) >= 1e-3 * length:
+            continue
+        found.append(u)
+        # From a place beside it, where the slopes vanish, Newton's method comes back to a point, and stays on a curve.
+        along = _null_direction(slope * scales)
+        aside = SAME**0.5 * length
+        beside = None if along is None else solve(u + aside * along * scales)
+        if beside is not None and abs(np.linalg.norm((beside - u) / scales) - aside) < 0.5 * aside:
+            raise InfinitelyManyPoints(
+                "the solutions are not isolated.",
+                "Fewer unknowns would leave single points.",
+                got=", ".join(f"{s} = {v:.6g}" for s, v in zip(unknowns, u)),
+            )
     located: list[Located] = []
     for u in found:
         rough = {s: sp.Float(float(v), 30) for s, v in zip(unknowns, u)}
@@ -134,6 +149,14 @@ def locate(
         if not any(_same(point, other, scales) for other in located):
             located.append(point)
     return sorted(located, key=lambda point: tuple(point.numbers().values()))
+
+
+def _null_direction(slopes: np.ndarray) -> np.ndarray | None:
+    """The unit vector that slopes (n, n) all but annihilate, whatever the equations' factors; None without one."""
+    sizes = np.abs(slopes).max(axis=1, keepdims=True)
+    values, directions = np.linalg.svd(slopes / np.where(sizes > 0.0, sizes, 1.0))[1:]
+    # Where an eigenvalue vanishes Newton's method is off by the root of rounding.
+    return directions[-1] if values[-1] <= np.finfo(float).eps ** 0.5 * len(slopes) * values[0] else None
 
 
 def _same(a: Located, b: Located, units: np.ndarray) -> bool:
