@@ -152,7 +152,7 @@ DELAYS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", DELAYS)
+@pytest.mark.parametrize("name", thinned(DELAYS, 2))
 def test_a_delay_is_between_its_bounds(name: str, tmp_path: Path) -> None:
     found, start, (u, v) = DELAYS[name]
     exit = gsp.entry_exit(gsp.solve_critical(found).nearest({"x": u, "y": v}), start={"y": start})

@@ -15,6 +15,7 @@ from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
+from tests.cases import crossed
 from tests.example_systems import epsilon, x, y
 
 ONE, HALF = sp.Integer(1), sp.Rational(1, 2)
@@ -61,9 +62,10 @@ def test_what_the_series_leaves_out_is_of_the_order_that_it_says() -> None:
     assert np.log(left[0] / left[1]) / np.log(sizes[0] / sizes[1]) == pytest.approx(2.5, abs=0.1)
 
 
-@pytest.mark.parametrize("slow", [ONE, 1 - x, 1 + x**2])
-@pytest.mark.parametrize("power", [sp.Rational(5, 2), sp.Rational(3, 2)])
-@pytest.mark.parametrize("where", ["fast", "slow"])
+@pytest.mark.parametrize(
+    ("slow", "power", "where"),
+    crossed([ONE, 1 - x, 1 + x**2], [sp.Rational(5, 2), sp.Rational(3, 2)], ["fast", "slow"]),
+)
 def test_a_scene_that_starts_at_the_zero_of_a_power_is_reduced_as_one_beside_it(slow, power, where) -> None:
     f, g = (slow + y * 0, -y + x**power) if where == "fast" else (slow + x**power, -y + x)
     at, beside = (choose(scene(f, g, start={"x": s, "y": 1})) for s in (0, 1e-3))

@@ -586,7 +586,7 @@ def test_a_fold_on_the_edge_of_the_region_is_named() -> None:
     assert "on the edge of the region" in str(loss)
 
 
-@pytest.mark.parametrize("place", [sp.Integer(0), sp.Rational(123, 1000), -sp.Rational(1, 3)])
+@pytest.mark.parametrize("place", thinned([sp.Rational(123, 1000), sp.Integer(0), -sp.Rational(1, 3)], 3))
 def test_an_eigenvalue_that_touches_the_axis_is_named_degenerate(place: sp.Expr) -> None:
     # A multiple zero is approached linearly, and met exactly only where a sample lies on it.
     rate = (x - place) ** 2

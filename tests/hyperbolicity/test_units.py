@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 from gsp import SlowFastSystem, classify, solve_critical
-from tests.cases import crossed
+from tests.cases import crossed, sampled
 
 x, u, y, z, epsilon = sp.symbols("x u y z epsilon", real=True)
 ONE = sp.Integer(1)
@@ -106,7 +106,9 @@ def test_a_root_of_what_never_vanishes_switches_nowhere_however_large_it_is_outs
     assert verdict.holds
 
 
-@pytest.mark.parametrize("powers", [(0, 0), (-6, 6), (6, -6), (-9, -9), (6, 6)])
+@pytest.mark.parametrize(
+    "powers", sampled([(0, 0), (-6, 6), (6, -6), (-9, -9), (6, 6)], always=[(0, 0), (6, -6)])
+)
 def test_a_kink_is_a_kink_and_a_jump_a_jump_in_whatever_units(powers: tuple[int, int]) -> None:
     slow, fast = (sp.Integer(10) ** power for power in powers)
     X, Y = x / slow, y / fast

@@ -14,6 +14,7 @@ from gsp.errors import DeclarationError, SplittingError
 from gsp.splitting import splitting as splitting_module
 from gsp.splitting.splitting import Splitting, _vanishing_factors, split
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.cases import thinned
 
 x, y, z, u, v, w, a, k, eps = sp.symbols("x y z u v w a k epsilon")
 
@@ -147,7 +148,7 @@ LOGARITHMS = {
 }
 
 
-@pytest.mark.parametrize("case", LOGARITHMS)
+@pytest.mark.parametrize("case", thinned(LOGARITHMS, 3))
 def test_integrals_with_logarithms_are_real_on_every_side_of_their_poles(case: str) -> None:
     rates, poles = LOGARITHMS[case]
     result = split(field(rates))
