@@ -286,7 +286,8 @@ class Factors:
     """The LU factors of a matrix of `entries`, (row, column) each, with the pivots on the diagonal in this `order`.
 
     `rows` and `columns` are what is left of column and row `order[k]` when it is eliminated. The order is fixed: where
-    a pivot happens to vanish there is no value. Raises `HyperbolicityError` when one is 0 throughout.
+    a pivot happens to vanish there is no value. With `sources` row k is that of the right-hand side's `sources[k]`.
+    Raises `HyperbolicityError` when one is 0 throughout.
     """
 
     def __init__(
@@ -296,7 +297,9 @@ class Factors:
         order: Sequence[int],
         rows: Sequence[Sequence[int]],
         columns: Sequence[Sequence[int]],
+        sources: Sequence[int] | None = None,
     ) -> None:
+        self._sources = range(len(order)) if sources is None else sources
         self._steps = list(zip(order, rows, columns))
         held = dict(entries)
         self.pivots: list[Gate] = []
@@ -313,7 +316,7 @@ class Factors:
 
     def solve(self, b: Sequence[Gate]) -> list[Gate]:
         """The solution x of A x = b."""
-        x = list(b)
+        x = [b[source] for source in self._sources]
         for k, below, _ in self._steps:
             for i in below:
                 x[i] = x[i] - self._held[i, k] * x[k]

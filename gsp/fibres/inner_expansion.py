@@ -12,7 +12,7 @@ Function Method for Singular Perturbation Problems, SIAM, 1995; N. Fenichel, Jou
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
@@ -30,7 +30,8 @@ from gsp.algebra.power_series import SeriesEnds, SeriesProgram
 from gsp.algebra.ring import read
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.fibres.layer_orbit import REFINEMENTS, Landing, land
+from gsp.fibres.decaying_signals import Signal
+from gsp.fibres.layer_orbit import REFINEMENTS, ROUGH, Landing, land, size_of
 from gsp.systems.declaration import exact
 from gsp.systems.flow import Point, check_epsilon, check_given, values_by_name
 from gsp.systems.system import SlowFastSystem
@@ -312,7 +313,7 @@ def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
         )
     for _ in range(REFINEMENTS):
         terms, reached = _along(problem, landing, order, deepest)
-        rough = landing.rough(term for series in terms.values() for term in series)
+        rough = landing.rough(_felt(problem, terms))
         if not rough.any():
             return _expansion(problem, terms, reached or ending, landing.gap, is_exact=False)
         when = landing.panels.ends[:-1][rough].min()
@@ -326,6 +327,18 @@ def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
         f"{when:.4g}: the fast motion passes a pole, a kink or a jump of f or g.",
         "Start on the other side of it.",
     )
+
+
+def _felt(problem: Problem, terms: Mapping[str, list[Signal]]) -> Iterator[Signal]:
+    """The terms that are more than what rounding leaves of zero, beside the others of their order, in units."""
+    states = [s.name for s in problem.system.states]
+    units = dict(zip(states, problem.branch.units or [1.0] * len(states)))
+    for k in range(max(map(len, terms.values()))):
+        sizes = {
+            name: size_of(series[k]) / units.get(name, 1.0) for name, series in terms.items() if k < len(series)
+        }
+        largest = max(sizes.values())
+        yield from (terms[name][k] for name, size in sizes.items() if not size <= ROUGH * largest)
 
 
 def _along(problem: Problem, landing: Landing, order: int, deepest: int) -> tuple[dict[str, list], str]:

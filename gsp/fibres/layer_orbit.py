@@ -72,8 +72,7 @@ class Landing:
         found = np.zeros(len(self.samples), dtype=bool)
         for term in terms:
             if term.samples is not None:
-                scale = np.abs(term.samples).max() + np.abs(term.outer[0])
-                found |= ~(tail(term.samples) <= ROUGH * scale)
+                found |= ~(tail(term.samples) <= ROUGH * size_of(term))
         return found
 
     def halved(self, chosen: np.ndarray) -> Landing:
@@ -99,6 +98,11 @@ class Landing:
         return [
             Signal(ring, np.array([value]), self.samples[:, :, i].copy()) for i, value in enumerate(self.point)
         ]
+
+
+def size_of(term: Signal) -> float:
+    """The largest value along the layer, and that which it tends to."""
+    return float((0.0 if term.samples is None else np.abs(term.samples).max()) + np.abs(term.outer[0]))
 
 
 def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import Any
 
@@ -9,43 +10,37 @@ import numpy as np
 import scipy.linalg
 import sympy as sp
 
-from gsp.algebra.local_series import DENOMINATOR
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.reductions.fast_parts import FastPart
 from gsp.systems.system import VectorField
 
 
-def fast_directions(field: VectorField, place: np.ndarray, ratio: float, *, most: int) -> list[FastPart]:
-    """The part of the field along the fast subspace of its Jacobian at `place`, at the widest gap between its rates
-    that leaves `most` fast directions at most.
+def fast_directions(field: VectorField, place: np.ndarray, count: int, gap: float) -> list[FastPart]:
+    """The part of the field along the `count` fastest directions of its Jacobian at `place` (n,).
 
     N are the fast directions, reduced to rows of the unit matrix, and f the components of the field along them; none
-    where the fast rates do not decay, the gap is less than `ratio`, or variables are fast by themselves.
+    where the fast rates do not decay, or variables are fast by themselves. A slow manifold has such directions to the
+    inverse of the `gap` between the rates only, so that the simplest numbers that near are taken.
     """
     n = len(field.states)
     matrix = compile_flow(field).jacobians(place[None, :], parameter_vector(field, None))[0]
-    if not np.isfinite(matrix).all() or most < 1:
+    if not np.isfinite(matrix).all() or not 0 < count < n:
         return []
-    rates = np.sort(np.linalg.eigvals(matrix).real)
-    decays = rates < 0.0
-    if not decays[0]:
+    rates = np.linalg.eigvals(matrix)
+    rates = rates[np.argsort(-np.abs(rates))]
+    if not (rates.real[:count] < 0.0).all():
         return []
-    gaps = [rates[k] / rates[k + 1] if decays[k + 1] else np.inf for k in range(most) if decays[k]]
-    if not gaps:
-        return []
-    count = int(np.argmax(gaps)) + 1
-    if gaps[count - 1] < ratio:
-        return []
-    limit = 0.5 * (rates[count - 1] + rates[count])
+    limit = 0.5 * float(np.abs(rates[count - 1 : count + 1]).sum())
     right = _subspace(matrix, limit, count)
     left = _subspace(matrix.T, limit, count)
     if right is None or left is None:
         return []
-    N = _reduced(right)
-    if all(np.count_nonzero(column) == 1 for column in N.T):
+    # Units in which what moves along a fast mode is alike: a velocity changes by as many lengths as its rate is large.
+    sizes = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)[1][0]
+    exact = _simplest(right, sizes, gap)
+    if all(np.count_nonzero(column) == 1 for column in np.array(exact).T):
         return []
-    exact = sp.Matrix(n, count, [_fraction(entry) for entry in N.flat])
-    rows = sp.Matrix(count, n, [_fraction(entry) for entry in _reduced(left).T.flat])
+    rows = _simplest(left, 1.0 / sizes, gap).T
     inner = rows * exact
     if inner.det() == 0:
         return []
@@ -58,19 +53,38 @@ def fast_directions(field: VectorField, place: np.ndarray, ratio: float, *, most
 
 
 def _subspace(matrix: np.ndarray, limit: float, count: int) -> np.ndarray | None:
-    """The invariant subspace (n, count) of eigenvalues whose real part is below the limit."""
-    answer: Any = scipy.linalg.schur(matrix, sort=lambda real, imaginary=0.0: real < limit, output="real")
+    """The invariant subspace (n, count) of eigenvalues that are larger than the limit."""
+
+    def is_fast(real: float, imaginary: float = 0.0) -> bool:
+        return float(np.hypot(real, imaginary)) > limit
+
+    answer: Any = scipy.linalg.schur(matrix, sort=is_fast, output="real")
     _, vectors, found = answer
     return vectors[:, :count] if found == count else None
 
 
-def _reduced(basis: np.ndarray) -> np.ndarray:
-    """The same space with rows of the unit matrix where its largest minors are."""
-    answer: Any = scipy.linalg.qr(basis.T, pivoting=True)
-    pivots = answer[2]
-    return basis @ np.linalg.inv(basis[pivots[: basis.shape[1]]])
+def _simplest(basis: np.ndarray, sizes: np.ndarray, gap: float) -> sp.Matrix:
+    """The same space, to 1/gap of the `sizes`, with rows of the unit matrix where its largest minors in these are."""
+    answer: Any = scipy.linalg.qr((basis / sizes[:, None]).T, pivoting=True)
+    pivots = answer[2][: basis.shape[1]]
+    entries = basis @ np.linalg.inv(basis[pivots])
+    near = sizes[:, None] / sizes[pivots] / gap
+    return sp.Matrix(*entries.shape, [_fraction(*pair) for pair in zip(entries.flat, near.flat)])
 
 
-def _fraction(entry: float) -> sp.Rational:
-    near = Fraction(float(entry)).limit_denominator(DENOMINATOR)
-    return sp.Rational(near.numerator, near.denominator)
+def _fraction(entry: float, near: float) -> sp.Rational:
+    """The number of the least denominator that is so near to `entry`."""
+    found = _between(Fraction(float(entry - near)), Fraction(float(entry + near)))
+    return sp.Rational(found.numerator, found.denominator)
+
+
+def _between(low: Fraction, high: Fraction) -> Fraction:
+    """The number of the least denominator from `low` to `high`, by their continued fractions."""
+    if low <= 0 <= high:
+        return Fraction(0)
+    if high < 0:
+        return -_between(-high, -low)
+    whole = math.ceil(low)
+    if whole <= high:
+        return Fraction(whole)
+    return whole - 1 + 1 / _between(1 / (high - whole + 1), 1 / (low - whole + 1))

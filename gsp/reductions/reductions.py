@@ -215,10 +215,10 @@ def find_reductions(
     ranked = sorted(_screened(plain, run, gaps, parts), key=lambda pair: pair[0])
     look_at(part for _, part in ranked[:MEASURED])
     named = set(found)
-    if _nearest(found) is None:
-        # Nothing that has a name is separated: combinations of states may be.
-        most = len(field.states) - len(scales.conserved) - 1
-        unnamed = fast_directions(field, run.y[:, -1], 1.0 / LARGEST, most=most)
+    # Where nothing that has a name is as fast as the widest gap says, combinations of states may be.
+    count = int(np.argmax(gaps)) + 1 if gaps.size else 0
+    if count and not any(len(found[each].system.y) == count for each in _separated(found)):
+        unnamed = fast_directions(field, run.y[:, -1], count, gaps[count - 1])
         look_at(part for _, part in _screened(plain, run, gaps, unnamed))
     is_separated = gaps >= needed_gap(LARGEST)
     special = with_errors(plain, run, special_parts(field, lambda count: bool(is_separated[count - 1])))
@@ -275,13 +275,18 @@ def _screened(
 
 def _nearest(found: Iterable[Reduction]) -> Reduction | None:
     """Of the candidates whose error to leading order is small the one that comes nearest to any order."""
-    follow = [e for e in found if e.candidate.follows]
-    leading = [e for e in follow if e.order in LEADING and e.error <= LARGEST]
+    found = list(found)
 
     def nearness(each: Reduction) -> tuple[float, int, float]:
-        return min(e.error for e in follow if e.name == each.name), each.order, each.error
+        own = [e.error for e in found if e.name == each.name and e.candidate.follows]
+        return min(own), each.order, each.error
 
-    return min(leading, key=nearness, default=None)
+    return min(_separated(found), key=nearness, default=None)
+
+
+def _separated(found: Iterable[Reduction]) -> list[Reduction]:
+    """The reductions of leading order whose error is small."""
+    return [e for e in found if e.order in LEADING and e.error <= LARGEST and e.candidate.follows]
 
 
 def _reason(

@@ -8,7 +8,7 @@ D_j = d/dx_j - (g_y^-1 g_x)_j d/dy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -172,16 +172,37 @@ def factorised(
     """The factors of a matrix of programs by its entries, one row and column for each of `fast`, eliminated in
     Markowitz's order.
 
+    Where a diagonal entry is missing, as of positions that move with their velocities, rows are matched with columns.
     Equals go by their names: how long a program is does not depend on the order in which variables are declared.
     """
     places = sorted(range(len(fast)), key=lambda k: fast[k].name)
     ranks = {place: rank for rank, place in enumerate(places)}
+    sources = _matched(len(fast), {(ranks[i], ranks[j]) for i, j in entries})
+    at = {places[source]: places[k] for k, source in enumerate(sources)}
+    entries = {(at[i], j): entry for (i, j), entry in entries.items()}
     found = eliminate(len(fast), [(ranks[i], ranks[j]) for i, j in entries])
     order = tuple(places[k] for k in found.order)
     rows, columns = (
         tuple(tuple(places[k] for k in part) for part in parts) for parts in (found.rows, found.columns)
     )
-    return Factors(ring, entries, order, rows, columns)
+    return Factors(
+        ring, entries, order, rows, columns, sources=[i for i, _ in sorted(at.items(), key=lambda p: p[1])]
+    )
+
+
+def _matched(n: int, entries: Collection[tuple[int, int]]) -> list[int]:
+    """For each column a row of its own with an entry there, its own row where there is one in each."""
+    if all((k, k) in entries for k in range(n)):
+        return list(range(n))
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    rows, columns = zip(*sorted(entries))
+    pattern = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    found = maximum_bipartite_matching(pattern, perm_type="row")
+    if (found < 0).any():
+        raise HyperbolicityError("the matrix is singular.")
+    return found.tolist()
 
 
 def inverted(

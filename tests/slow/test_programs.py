@@ -73,6 +73,29 @@ def test_programs_and_polynomials_are_one_series(monkeypatch: pytest.MonkeyPatch
     assert one["x"][-1] == pytest.approx(two["x"][-1], rel=1e-8)
 
 
+def test_positions_and_velocities_have_the_series_of_polynomials_and_are_not_called_singular(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Oscillators that pull one another: the rate of a position does not know the position, and no pivot stands there.
+
+    Their velocities are declared first, last, and between.
+    """
+    q, v = sp.symbols("q1:4"), sp.symbols("v1:4")
+    rates = {v[k]: x * (k + 1) - 5 * q[k] - q[k] ** 3 + q[k - 1] - 2 * v[k] - v[k - 2] / 3 for k in range(3)}
+    for order in ([*v, *q], [*q, *v], [v[0], q[2], v[1], q[0], v[2], q[1]]):
+        fast = {s: rates.get(s, v[q.index(s)] if s in q else None) for s in order}
+        system = SlowFastSystem(slow={x: q[0] - x}, fast=fast, epsilon=eps)
+        at, start = {"x": np.array([0.3, 0.8])}, {"x": 0.5} | {s.name: 0.1 for s in order}
+        monkeypatch.setattr(coordinates, "WRITTEN", 6)
+        written = expand(solve_critical(system).nearest(start), order=2)
+        assert not written.is_program
+        expected = written.terms(at, 0.1)
+        monkeypatch.setattr(coordinates, "WRITTEN", 5)
+        programs = expand(solve_critical(system).nearest(start), order=2)
+        assert programs.is_program
+        np.testing.assert_allclose(programs.terms(at, 0.1), expected, rtol=1e-9, atol=1e-15)
+
+
 def test_the_defect_of_invariance_falls_with_the_square_of_epsilon() -> None:
     series = expand(sheet(chain(40)), order=1)
     sizes = [np.linalg.norm(series.residual(1.0, small)) for small in (1e-2, 1e-3)]

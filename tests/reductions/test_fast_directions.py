@@ -1,0 +1,75 @@
+"""Combinations of states that are fast together: the simplest that are within what the gap between the rates tells."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.reductions.fast_directions import _between, fast_directions
+from gsp.reductions.reductions import find_reductions
+from gsp.systems.system import VectorField
+
+R, ONE = sp.Rational, sp.Integer(1)
+
+
+def chain(masses: list[sp.Expr], unit: sp.Expr = ONE) -> VectorField:
+    """Masses on a line, joined by stiff springs and dampers, the first in a shallow well; lengths in a `unit`."""
+    n = len(masses)
+    x, v = (sp.symbols([f"{letter}{i}" for i in range(1, n + 1)]) for letter in "xv")
+    pull = [2500 * (b - a) + 90 * (d - c) for a, b, c, d in zip(x, x[1:], v, v[1:])]
+    force = [-sp.sin(x[0] * unit) / unit - v[0] / 5, *[R(0)] * (n - 1)]
+    rates = {}
+    for i in range(n):
+        rates[x[i]] = v[i]
+        here = (pull[i] if i < n - 1 else 0) - (pull[i - 1] if i else 0)
+        rates[v[i]] = (force[i] + here) / masses[i]
+    return VectorField(rates)
+
+
+def scene_of(field: VectorField) -> gsp.Scene:
+    start = {s.name: 1.0 if s.name.startswith("x") else 0.0 for s in field.states}
+    region = dict.fromkeys(start, (-2.0, 2.0))
+    return gsp.Scene(field, region, start, (0, 10), tolerance=1e-3)
+
+
+@pytest.mark.parametrize("masses", [[R(1), R(1, 2)], [R(1), R(2), R(1)], [R(1), R(3, 2), R(1, 2), R(2)]])
+def test_masses_that_are_joined_stiffly_move_as_one(masses: list[sp.Expr]) -> None:
+    """What stays is the centre of mass and its velocity: within 1/gap, and to the tolerance when it is run."""
+    found = find_reductions(scene_of(chain(masses)))
+    best = found.recommended
+    assert best is not None
+    assert best.name.startswith("quasi-steady state along")
+    assert best.seconds > 0
+    study = found.study
+    assert study is not None
+    assert len(study.system.x) == 2
+    for name, letter in zip(study.system.x, "xv"):
+        total = study.splitting.coordinates[name]
+        numbers = [sp.diff(total, sp.Symbol(f"{letter}{i}")) for i in range(1, len(masses) + 1)]
+        weights = np.array([float(n / numbers[0] / (m / masses[0])) for n, m in zip(numbers, masses)])
+        assert np.abs(weights - 1.0).max() < 0.05
+    assert best.error <= 1e-3
+
+
+@pytest.mark.parametrize("unit", [R(1), R(1, 1000), R(10**6)])
+def test_units_of_length_change_neither_directions_nor_error(unit: sp.Expr) -> None:
+    masses = [R(1), R(1, 2)]
+    (plain,) = fast_directions(chain(masses), np.zeros(4), 2, 80.0)
+    (other,) = fast_directions(chain(masses, unit), np.zeros(4), 2, 80.0)
+    assert other.directions == plain.directions
+    assert set(map(frozenset, (d.items() for d in plain.directions))) == {
+        frozenset({(sp.Symbol(f"{s}1"), R(-1, 2)), (sp.Symbol(f"{s}2"), R(1))}) for s in "xv"
+    }
+
+
+def test_of_the_numbers_between_two_that_of_the_least_denominator_is_taken() -> None:
+    rng = np.random.default_rng(0)
+    for middle, width in zip(rng.normal(size=200).tolist(), rng.exponential(0.02, size=200).tolist()):
+        low, high = Fraction(middle) - Fraction(width), Fraction(middle) + Fraction(width)
+        found = _between(low, high)
+        assert low <= found <= high
+        for denominator in range(1, found.denominator):
+            assert math.ceil(low * denominator) > high * denominator
