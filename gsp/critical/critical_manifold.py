@@ -26,7 +26,9 @@ from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.splitting.splitting import split
 from gsp.systems.arguments import check_noun
+from gsp.systems.declaration import exact
 from gsp.systems.flow import Point
+from gsp.systems.region import check_region
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # A start counts as on a fold when the equations and their slopes are this small there, relative to their terms.
@@ -87,7 +89,7 @@ class CriticalManifold(Card):
         if best is None:
             raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
         self._refuse_far_branch(x, y, best[0][1])
-        sheet = best[1]
+        sheet = self._with_its_digits(best[1], x, region)
         if sheet.seed is not None:
             y = sheet.points(x[None, :], near=sheet.seed[1])[0]
             if _is_fold(sheet, x, y):
@@ -97,6 +99,22 @@ class CriticalManifold(Card):
                     got=self._told(x, y),
                 )
         return sheet
+
+    def _with_its_digits(self, branch: Branch, x: np.ndarray, region: Mapping[str, object] | None) -> Branch:
+        """The branch without its formula where that loses digits, as -b + sqrt(b^2 - 4 a c) does beside a large b."""
+        if branch.graph is None or not any(h.atoms(sp.Pow) for h in branch.graph.values()):
+            return branch
+        box = {} if region is None else check_region(region, [s.name for s in self.system.states])
+        places = [x]
+        for column, s in enumerate(self.system.x):
+            for side in box.get(s.name, ()):
+                places.append(np.where(np.arange(len(x)) == column, side, x))
+        if not any(_loses_digits(branch, place) for place in places):
+            return branch
+        layer = [laurent(g, self.system.epsilon, order=0).get(0, sp.Integer(0)) for g in self.system.g]
+        whole = Branch(self.system, tuple(sp.together(g).as_numer_denom()[0] for g in layer), None)
+        here = (*x, *branch.graph_values(x[None, :])[0])
+        return whole.through({s.name: float(v) for s, v in zip(self.system.states, here)}, region=region)
 
     def _told(self, x: np.ndarray, y: np.ndarray) -> str:
         return ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
@@ -149,6 +167,18 @@ def _between_fields(system: SlowFastSystem, x: np.ndarray, y: np.ndarray) -> dic
     if np.array_equal(moved, u):
         return None
     return dict(zip((s.name for s in system.states), moved.tolist()))
+
+
+def _loses_digits(branch: Branch, x: np.ndarray) -> bool:
+    """Whether more than five digits of the graph over x (n_slow,) are lost in doubles."""
+    assert branch.graph is not None
+    point = {s: exact(v) for s, v in zip(branch.system.x, x.tolist())} | dict(branch.system.parameters)
+    found = branch.graph_values(x[None, :], allow_complex=True)[0]
+    for value, h in zip(found.tolist(), branch.graph.values()):
+        precise = sp.N(h.xreplace(point), 40)
+        if np.isfinite(value) and precise.is_real and abs(value - precise) > 1e-11 * abs(precise):
+            return True
+    return False
 
 
 def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:

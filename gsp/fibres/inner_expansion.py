@@ -313,7 +313,7 @@ def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
         )
     for _ in range(REFINEMENTS):
         terms, reached = _along(problem, landing, order, deepest)
-        rough = landing.rough(_felt(problem, terms))
+        rough = landing.rough(_felt(problem, terms, landing.gap))
         if not rough.any():
             return _expansion(problem, terms, reached or ending, landing.gap, is_exact=False)
         when = landing.panels.ends[:-1][rough].min()
@@ -329,16 +329,19 @@ def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
     )
 
 
-def _felt(problem: Problem, terms: Mapping[str, list[Signal]]) -> Iterator[Signal]:
-    """The terms that are more than what rounding leaves of zero, beside the others of their order, in units."""
+def _felt(problem: Problem, terms: Mapping[str, list[Signal]], gap: float) -> Iterator[Signal]:
+    """The terms whose layer is more than what rounding leaves of zero, beside the others of their order, in units."""
     states = [s.name for s in problem.system.states]
     units = dict(zip(states, problem.branch.units or [1.0] * len(states)))
     for k in range(max(map(len, terms.values()))):
-        sizes = {
-            name: size_of(series[k]) / units.get(name, 1.0) for name, series in terms.items() if k < len(series)
-        }
-        largest = max(sizes.values())
-        yield from (terms[name][k] for name, size in sizes.items() if not size <= ROUGH * largest)
+        own = {name: series[k] for name, series in terms.items() if k < len(series)}
+        # Polynomials in fast time too, over the time that the layer takes.
+        whole = max(
+            np.abs(term.outer / gap ** np.arange(len(term.outer))).max(initial=size_of(term))
+            / units.get(name, 1.0)
+            for name, term in own.items()
+        )
+        yield from (t for name, t in own.items() if not size_of(t) / units.get(name, 1.0) <= ROUGH * whole)
 
 
 def _along(problem: Problem, landing: Landing, order: int, deepest: int) -> tuple[dict[str, list], str]:

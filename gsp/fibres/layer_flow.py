@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -17,6 +18,8 @@ from gsp.systems.declaration import exact
 from gsp.systems.region import powers_of_two
 from gsp.systems.system import SlowFastSystem, VectorField
 
+# A panel of a layer is resolved when its last Chebyshev coefficients are this small, relative to the layer on it.
+RESOLVED = 1e-13
 # How far off a switching surface its two sides are compared, in units, and the share of the rates that is a jump.
 SIDE, JUMP = 1e-6, 1e-3
 
@@ -34,7 +37,8 @@ class LayerFlow:
     def within(cls, system: SlowFastSystem, x: np.ndarray, *places: np.ndarray) -> LayerFlow:
         """The layer in units in which the largest of `places` (n_fast,), each in the system's units, has size one.
 
-        A variable that is 0 in all of them is as large as the others make it within a fast time.
+        A variable that is 0 in all of them is as large as the others make it within a fast time. So is one that is what
+        rounding leaves of these: g_y^-1 times the rounding of g is more than a layer is resolved to.
         """
         sizes = np.abs(places).max(axis=0)
         plain = cls(system, x, np.ones(len(sizes)))
@@ -44,6 +48,10 @@ class LayerFlow:
             if fastest > 0.0:
                 for _ in sizes:
                     sizes = np.where(sizes > 0.0, sizes, (coupling * sizes).max(axis=1) / fastest)
+        matrix = plain.jacobian(places[0][None, :])[0]
+        with np.errstate(all="ignore"), contextlib.suppress(np.linalg.LinAlgError):
+            made = np.abs(np.linalg.inv(matrix)) @ (np.abs(matrix) @ sizes)
+            sizes = np.where(np.finfo(float).eps * made > RESOLVED * sizes, made, sizes)
         return replace(plain, units=powers_of_two(np.where(sizes > 0.0, sizes, 1.0)))
 
     def rates(self, y: np.ndarray) -> np.ndarray:

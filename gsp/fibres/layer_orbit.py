@@ -11,7 +11,7 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.errors import BranchError, HyperbolicityError
 from gsp.fibres.decaying_signals import Panels, Signal, SignalRing, chebyshev, tail
-from gsp.fibres.layer_flow import LayerFlow
+from gsp.fibres.layer_flow import RESOLVED, LayerFlow
 from gsp.integration.trajectory import Method, RunOptions, trajectory_of
 from gsp.roots import root
 
@@ -27,9 +27,8 @@ PANEL_TIMES, GROWTH = 2.0, 1.2
 # Ratio of the fast rates above which the fast block counts as having two time scales of its own.
 SPREAD = 1e4
 NEWTON_STEPS = 8
-# A panel is resolved when its last Chebyshev coefficients are this small, relative to the layer on it, or rounding of
-# the fast variables; else it is halved, at most so often.
-RESOLVED, ROUNDING, DEEPEST = 1e-13, 2 * np.finfo(float).eps, 14
+# A panel that is not resolved, to `RESOLVED` or rounding of the fast variables, is halved, at most so often.
+ROUNDING, DEEPEST = 2 * np.finfo(float).eps, 14
 # The same for the terms of a series along the layer, relative to their largest value; panels are halved so often.
 ROUGH, REFINEMENTS = 1e-11, 8
 

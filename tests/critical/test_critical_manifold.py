@@ -501,3 +501,20 @@ def test_a_start_far_off_two_switches_has_the_sheet_on_which_both_hold() -> None
     sheet = solve_critical(system).nearest({"x": 1.0, "y": -100.0, "z": -50.0}, region={"x": (0, 1)})
     held = np.array([1 / 2, 5 / 16])
     assert sheet.points({"x": 1.0}) == pytest.approx(held / np.sqrt(1 - held**2), rel=1e-10)
+
+
+@pytest.mark.parametrize(("total", "is_explicit"), [(sp.Rational(1, 10**6), False), (sp.Integer(30), True)])
+@pytest.mark.parametrize("unit", [1, sp.Rational(1, 10**9)])
+def test_a_formula_that_loses_digits_is_not_gone_by(total: sp.Expr, is_explicit: bool, unit: sp.Expr) -> None:
+    """A complex in total concentrations: beside a trace of enzyme the root is the difference of large numbers."""
+    s, c = x * unit, y * unit
+    rate = (c**2 - (total + 50 + s) * c + total * s) / unit
+    critical = solve_critical(SlowFastSystem(slow={x: -c}, fast={y: rate}, epsilon=eps))
+    size = float(1 / unit)
+    sheet = critical.nearest({"x": 1000.0 * size, "y": 0.0}, region={"x": (size, 2000.0 * size)})
+    assert sheet.is_explicit == is_explicit
+    for place in (sp.Integer(2), sp.Integer(1000)):
+        half = (total + 50 + place) / 2
+        expected = sp.N(half - sp.sqrt(half**2 - total * place), 30) / unit
+        (found,) = sheet.points(np.array([[float(place) * size]]))[0]
+        assert found == pytest.approx(float(expected), rel=1e-9 if is_explicit else 1e-13)

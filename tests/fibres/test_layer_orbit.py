@@ -174,3 +174,32 @@ def test_a_layer_that_goes_off_to_infinity_is_told_so() -> None:
     with pytest.raises(BranchError, match=r"leads off to infinity after fast time .* Move the start") as caught:
         landing(y**2 - 1, 3.0, -1.0)
     assert "e+" not in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", [1, sp.Rational(1, 10**6), 10**9])
+def test_what_rounding_leaves_of_large_variables_is_no_layer_to_be_resolved(unit: sp.Expr) -> None:
+    """u rests at the leak z - x of a pump, a small number beside z: its rate is rounding of that of z."""
+    z, u = sp.symbols("z u")
+    leak, own = sp.Rational(1, 10**6), u * unit
+    fast = {z: 3000 * (x - z) - z / 1000, u: (leak * (z - x) - own + leak * own**2) / unit}
+    critical = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=eps))
+    start = {"x": 1.0, "z": 1.0, "u": 0.0}
+    branch = critical.nearest(
+        start, region={"x": (0.5, 2), "z": (0, 2), "u": (-1 / float(unit), 1 / float(unit))}
+    )
+    found = land(branch, np.array([1.0]), np.array([1.0, 0.0]))
+    assert len(found.panels.ends) < 200
+    assert found.point[1] * float(unit) == pytest.approx(-1e-9 / (3000 + 1e-3), rel=1e-6)
+
+
+def test_a_term_that_vanishes_beside_others_of_its_order_is_resolved() -> None:
+    """A body on a stiff, damped joint follows to every order, and what is left of corrections is rounding."""
+    w, z, u = sp.symbols("w z u")
+    force, drag = -sp.sin(x), -31 * (z - x) - 9 * (u - w) - (u - w) ** 3
+    system = SlowFastSystem(
+        slow={x: w, w: force}, fast={u: drag + eps * force, z: u - w + eps * w}, epsilon=eps
+    )
+    start = {"x": 0.5, "w": 0.0, "u": 0.0, "z": 0.5003}
+    branch = solve_critical(system).nearest(start, region=dict.fromkeys(start, (-2, 2)))
+    found = expand_inner(branch, start, order=2)
+    assert not found.is_exact
