@@ -200,11 +200,11 @@ def solved_candidate(
     if not run.status.ok:
         failure = Failure.END
         why = f"{failure} at t = {run.t[-1]:.4g}: {run.status.meaning}"
-    elif not surface.inside(times).all():
-        why = "the run leaves the piece of the manifold that was solved"
     elif not (within := surface.within_region(times, limit)).all():
         failure = Failure.REGION
         why = f"{failure} at t = {times[np.argmin(within)]:.4g}"
+    elif not surface.inside(times).all():
+        why = "the run leaves the piece of the manifold that was solved"
     elif not predicted <= limit:
         failure = Failure.ERROR
         why = f"{failure}"

@@ -240,6 +240,15 @@ def _between(times: np.ndarray) -> np.ndarray:
     return np.interp(finer, np.arange(len(times)), times)
 
 
+def _while_inside(prediction: Prediction, run: Trajectory) -> np.ndarray:
+    """Times of a run, and between them, until it leaves the region: nothing is asked of the manifold beyond."""
+    times = _between(run.t)
+    found = run.sample(times)
+    states = np.stack([found[s.name] for s in prediction.sampler.system.states], axis=1)
+    inside = prediction.inside(run, states)
+    return times if inside.all() else times[: int(np.argmin(inside)) + 1]
+
+
 def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
     """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""
     clock = time.perf_counter()
@@ -248,7 +257,9 @@ def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
     # runs that come furthest are covered.
     furthest = max(map(prediction.covered, prediction.runs))
     guides = [
-        run.sample(_between(run.t)) for k, run in prediction.runs.items() if prediction.covered(k) == furthest
+        run.sample(_while_inside(prediction, run))
+        for k, run in prediction.runs.items()
+        if prediction.covered(k) == furthest
     ]
     tolerance = max(EXACTER * scene.tolerance, SMALLEST_RTOL)
     region, least = {}, {}

@@ -709,3 +709,18 @@ def test_a_slow_coordinate_of_the_splitting_is_told_with_what_it_is() -> None:
     field = VectorField({b: exchange - b, c: -exchange}, epsilon=epsilon)
     scene = Scene(field, {"b": (0, 1), "c": (0, 1)}, {"b": 0.5, "c": 0.1}, (0, 1), 0.01)
     assert "in p = b + c; in the fast variables" in str(choose(scene))
+
+
+def test_the_manifold_is_not_solved_beyond_where_the_run_leaves_the_region() -> None:
+    """The run leaves the region at t = 0.75, and goes on to z = -18, where the sheet has folded."""
+    z = sp.Symbol("z")
+    system = SlowFastSystem(
+        slow={x: y - 3 * z / 5, z: sp.Rational(3, 10) - y * x / 5},
+        fast={y: x + 2 + y - sp.exp(y) + z / 5},
+        epsilon=eps,
+    )
+    region = {"x": (-2, 1.5), "z": (-2, 2), "y": (-3, 1.5)}
+    found = choose(Scene(system, region, {"x": 0, "z": 0, "y": 1.2}, (0, 6), 0.02))
+    (solved,) = [c for c in found.candidates if c.kind is ModelKind.SOLVED]
+    assert solved.failure is Failure.REGION
+    assert solved.predicted < 1e-6
