@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.factorisation import lowest_terms
 from gsp.algebra.sharing import is_shared, plus, replaced, times
 from gsp.comparison.comparison import compare
 from gsp.errors import BranchError, BudgetError, GspError, printable
@@ -155,7 +156,7 @@ def _on_the_branch(
         for old, new in apart.items()
     ]
     # An equation that gives a variable is nothing that holds between the states.
-    left = [sp.expand(equation.xreplace(values)) for equation in study.branch.equations]
+    left = [lowest_terms(equation.xreplace(values)) for equation in study.branch.equations]
     equations = "; ".join(f"0 = {equation.xreplace(apart)}" for equation in left if equation != 0)
     if equations:
         said.append(f"The states lie on the critical manifold, and so does a start: {equations}.")

@@ -255,6 +255,20 @@ def test_the_states_of_an_implicit_branch_are_said_with_what_holds_between_them(
         assert abs(float(read.xreplace(at))) < 1e-12
 
 
+def test_an_equation_that_gives_a_variable_over_a_sum_of_parameters_is_nothing_that_holds_between_states() -> (
+    None
+):
+    """(a + b) (s - u) = a sin u gives s, and put into itself it is 0 over a + b, whatever u is."""
+    u, s, a, b, eps = sp.symbols("u s a b epsilon")
+    system = gsp.SlowFastSystem(
+        slow={s: -u}, fast={u: (a + b) * (s - u) - a * sp.sin(u)}, epsilon=eps, parameters={a: 1, b: 2}
+    )
+    scene = gsp.Scene(system, {"s": (0.2, 0.6)}, {"s": 0.5, "u": 0.3}, (0, 1), 0.01)
+    text = gsp.export(scene, order=1, to="python")
+    assert "u0 is u of the point of the critical manifold over s." in text
+    assert "lie on the critical manifold" not in text
+
+
 def test_an_implicit_branch_moves_with_its_parameters() -> None:
     names = run_python(gsp.export(two_fast_variables(1), order=1, to="python"))
     flow = gsp.study(two_fast_variables(1.5)).reduced(1)
