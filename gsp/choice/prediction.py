@@ -284,12 +284,13 @@ class Prediction:
         # Terms of a series that diverges may be beyond doubles when they are squared.
         with np.errstate(over="ignore", invalid="ignore"):
             sizes = np.hypot.reduce(terms / self.series.branch.scales[1], axis=2)
-        # The first two terms left out at each order, as in the errors, or the first where there are no more.
-        left, ahead = sizes[:, 1 : order + 2], len(self.compared(order)) - 1
+        # The first two terms left out at each order, as in the errors, or the first where there are no more: one that
+        # happens to vanish is not the least.
+        ahead = len(self.compared(order)) - 1
         if ahead == 0:
             return np.zeros(len(sizes), dtype=bool)
-        if ahead == AHEAD:
-            left = np.maximum(left, sizes[:, 2 : order + AHEAD + 1])
+        left, beyond = sizes[:, 1 : order + 2].copy(), sizes[:, 2 : order + ahead + 1]
+        left[:, : beyond.shape[1]] = np.maximum(left[:, : beyond.shape[1]], beyond)
         return left[:, order] > left.min(axis=1)
 
     def _places(self, run: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

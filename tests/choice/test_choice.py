@@ -724,3 +724,15 @@ def test_the_manifold_is_not_solved_beyond_where_the_run_leaves_the_region() -> 
     (solved,) = [c for c in found.candidates if c.kind is ModelKind.SOLVED]
     assert solved.failure is Failure.REGION
     assert solved.predicted < 1e-6
+
+
+def test_a_term_that_vanishes_where_the_run_begins_is_not_the_least_of_a_series() -> None:
+    """At rest the fast variable follows cos d without a lag of order 1; beyond order 3 no term is known."""
+    d, w = sp.symbols("d w")
+    system = SlowFastSystem(slow={d: w, w: -sp.sin(d) - w, x: y - x}, fast={y: sp.cos(d) - y}, epsilon=eps)
+    start = {"d": 1, "w": 0, "x": 0, "y": 0.5}
+    study = study_of(Scene(system, {"d": (-2, 2), "w": (-2, 2), "x": (-2, 2)}, start, (0, 2), 0.01))
+    prediction = forecast_of(study, (0, 1, 2, 3)).prediction
+    short = replace(prediction, runs={k: run for k, run in prediction.runs.items() if k <= 3})
+    assert short.runs[2]["w"][0] == 0.0
+    assert short.failures(2, np.array([0.0, 0.5]), 1e-4) == [None, None]
