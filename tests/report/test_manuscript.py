@@ -155,6 +155,22 @@ def test_every_number_is_one_of_report_json(folders, name) -> None:
     assert text.count("& yes") == len(content["hyperbolicity"]["conditions"])
 
 
+def test_what_is_lost_stands_beside_the_conditions(tmp_path) -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: sp.Integer(-1)}, fast={y: x - y**2}, epsilon=epsilon)
+    scene = gsp.Scene(system, {"x": (-0.5, 1)}, {"x": 1, "y": 1}, (0, 0.9), 0.01, tolerance=1e-3)
+    folder = write_report(gsp.analyse(scene, order=1), tmp_path, latex=True).parent
+    content = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    text = text_of(folder)
+    (loss,) = content["hyperbolicity"]["losses"]
+    assert loss["kind"] == "fold"
+    assert "what is lost, and where" in text
+    assert "It ends here: " in text
+    assert "The conditions hold for" in text
+    assert unknown(text, content) == []
+    assert "what is lost" in compiled(folder)
+
+
 def test_a_number_that_is_off_is_seen() -> None:
     text = r"\begin{document}1.98, 6.83\(\times\)10\(^{-3}\), 10\(^{-6}\), \(3 x^{2}\)"
     content = {"slope": [1.9836, -0.006829], "tolerance": "at most 1e-06", "h": "3*x**2"}

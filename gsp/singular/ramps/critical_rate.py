@@ -271,7 +271,7 @@ def _escapes(
     if way[-1].s != last.s or not (given.growth(way[-1]) < 0.0).all():
         raise RampError(
             "the rest point of the start does not attract as far as the ramp leads, so that a level tells nothing.",
-            "Name the edge state where it ends.",
+            f"Name the edge state where it ends, by {', '.join(s.name for s in given.field.states)}.",
         )
     i = int(np.flatnonzero(np.isfinite(last.x))[0])
     return level.thresholds(level.Escape(given, begin, way[-1], (i, float(last.x[i]))))
