@@ -72,6 +72,15 @@ def test_the_folds_of_van_der_pol_are_where_they_are_known_to_be() -> None:
     assert curve["x"][[0, -1]].tolist() in ([3, -3], [-3, 3])
 
 
+@pytest.mark.parametrize("unit", [sp.Integer(1), sp.Rational(1, 10**9), sp.Integer(10**9)])
+def test_a_fold_at_zero_is_at_zero_and_not_at_what_newton_leaves_of_it(unit) -> None:
+    curve = continue_critical(
+        one((x - (y * unit) ** 2) / unit), start={"x": 1, "y": 1 / float(unit)}, bounds={"x": (-1, 3)}
+    )
+    (fold,) = curve.special
+    assert dict(fold.point) == {"x": 0.0, "y": 0.0}
+
+
 def test_a_curve_costs_what_it_should() -> None:
     curve = continue_critical(
         systems.van_der_pol(), start={"x": 2, "y": 0.6}, bounds={"x": (-3, 3), "y": (-3, 3)}

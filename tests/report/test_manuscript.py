@@ -168,6 +168,7 @@ def test_what_is_lost_stands_beside_the_conditions(tmp_path) -> None:
     assert "It ends here: " in text
     assert "The conditions hold for" in text
     assert unknown(text, content) == []
+    assert "nothing: it escapes, and y goes to -infinity" in json.dumps(content)
     assert "what is lost" in compiled(folder)
 
 

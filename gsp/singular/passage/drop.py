@@ -46,6 +46,11 @@ class Drop:
 
     def __str__(self) -> str:
         place = ", ".join(f"{name} = {value:.8g}" for name, value in self.point.items())
+        if self.kind is DropKind.ESCAPE:
+            # The fast variables come last.
+            fast = list(self.point.items())[-len(self.eigenvalues) :]
+            name, value = max(fast, key=lambda pair: abs(pair[1]))
+            return f"the drop lands on {self.kind}, and {name} goes to {'-' if value < 0.0 else ''}infinity"
         if not self.lands:
             return f"the drop lands on {self.kind}; last seen at {place}"
         values = ", ".join(f"{v:.4g}" for v in np.real_if_close(self.eigenvalues))
