@@ -242,7 +242,7 @@ def _run(scene: Scene) -> Trajectory:
 
 
 def _gaps(scales: TimeScales) -> np.ndarray:
-    """By how much (n - 1,) the r fastest modes are apart from the next, in the middle of the run; 0 where they grow.
+    """By how much (n - 1,) the r fastest modes are apart from the next, over half of the run; 0 where they grow.
 
     A mode that is slower than the run is long counts as slow as that: what fades over the run is not fast in it.
     """
@@ -250,10 +250,16 @@ def _gaps(scales: TimeScales) -> np.ndarray:
     fastest, next_one = scales.times[:, :-1], np.minimum(scales.times[:, 1:], length)
     with np.errstate(invalid="ignore"):
         apart = np.where(np.real(scales.rates[:, :-1]) < 0.0, next_one / fastest, 0.0)
-    gaps = np.median(apart, axis=0)
+    gaps = np.array([_median(column, np.gradient(scales.t)) for column in apart.T])
     # Where all is fast but conserved sums nothing moves on the slow manifold: it is where the run ends.
     gaps[scales.times.shape[1] - len(scales.conserved) - 1 :] = 0.0
     return gaps
+
+
+def _median(values: np.ndarray, weights: np.ndarray) -> float:
+    """The value that is reached or passed over half of the whole weight."""
+    order = np.argsort(-values)
+    return float(values[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())])
 
 
 def _screened(
