@@ -43,7 +43,7 @@ def phase_form(flow: Flow, phase: sp.Symbol | None, pair: tuple[sp.Symbol, sp.Sy
     if epsilon is None:
         raise DeclarationError(
             "a phase is fast beside a small parameter, and the field has none.",
-            "Divide the rate of the phase by it, theta' = omega/epsilon.",
+            "Divide the rate of the phase by it, theta' = omega/epsilon, or name a parameter that is, --small NAME.",
         )
     if pair is not None and phase is None and not any(pole_order(rate, epsilon) for rate in flow.rates):
         # In fast time, and with nothing that is slow: else its rates were divided.

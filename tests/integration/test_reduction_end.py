@@ -10,6 +10,7 @@ import sympy as sp
 
 import gsp
 from gsp.errors import BranchError, HyperbolicityError, Status
+from gsp.integration.pieces import RunPiece
 from gsp.integration.reduction_end.endings import Ending
 from gsp.integration.reduction_end.fast_blocks import FastBlocks, faddeev_leverrier
 from gsp.integration.reduction_end.validity import Validity
@@ -793,3 +794,27 @@ def test_the_tests_of_a_run_have_no_units() -> None:
         delta, hurwitz, q, _, size = found[:5]
         assert (delta, hurwitz, size) == pytest.approx(tuple(plain[[0, 1, 4]]), rel=1e-9)
         assert q == pytest.approx(plain[2], rel=1e-9)
+
+
+def test_terms_that_pass_through_zero_far_from_any_loss_are_looked_at_once(monkeypatch) -> None:
+    """A robot's arm on a stiff joint: each term of its series vanishes as it swings, and nothing is lost."""
+    p, q, u, clock = sp.symbols("p q u clock")
+    pull, weight, motor = 400 * (p - 3 * z) + 15 * (q - 3 * u), 3 * sp.sin(z) / 10, 2 * sp.cos(clock) / 5
+    own = pull - weight
+    system = SlowFastSystem(
+        slow={p: q, q: 2 * own + 2 * (motor - pull), clock: ONE},
+        fast={
+            z: u - q / 3 + eps * q / 3,
+            u: own / 3 - 2 * (motor - pull) / 3 + eps * (2 * own + 2 * (motor - pull)) / 3,
+        },
+        epsilon=eps,
+    )
+    start = {"p": 1.5, "q": 0.0, "clock": 0.0}
+    searched, sample = [], RunPiece.sample
+    monkeypatch.setattr(RunPiece, "sample", lambda *given: searched.append(1) or sample(*given))
+    for order in (2, 3):
+        found = run(
+            system, start, order=order, span=(0, 10), epsilon=1.0, near={**start, "z": 0.5, "u": 0.0}, rtol=1e-7
+        )
+        assert found.status is Status.SUCCESS
+    assert not searched

@@ -207,7 +207,10 @@ class Validity(Portable):
 
     @cached_property
     def _falls(self) -> sp.Expr:
-        """Of each fast variable the fall of the square of its terms as a share of their sum: no units, as in Q."""
+        """The mean, over fast variables, of the fall of the square of its terms as a share of their sum.
+
+        No units, as in Q; and 1 at most, so that Q, where it is nearly that, does not make a bend beside it.
+        """
         if not self.watches_terms:
             return sp.S.Zero
         falls = []
@@ -215,7 +218,7 @@ class Validity(Portable):
             # The least double keeps terms that are both 0 from having no share.
             whole = plus([before, last, sp.Rational(float(np.finfo(float).tiny))])
             fall = plus([before, times(last, sp.S.NegativeOne)])
-            falls.append(times(fall, sp.Pow(whole, -1, evaluate=False)))
+            falls.append(times(fall, sp.Pow(whole, -1, evaluate=False), sp.Rational(1, len(self.fast))))
         return plus(falls)
 
     def point(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
