@@ -336,6 +336,11 @@ def _reason(
     widest = float(gaps.max())
     if widest == 0.0:
         return f"Do not reduce: no mode decays ahead of the others over most of t = {first:g} to {last:g}."
+    if widest < 1.0:
+        return (
+            f"Do not reduce: over most of t = {first:g} to {last:g} the fastest mode that decays takes "
+            f"{1.0 / widest:.3g} times as long as that."
+        )
     if widest < needed_gap(LARGEST):
         return (
             f"Do not reduce: nothing is separated over most of t = {first:g} to {last:g}. There the next mode is at "

@@ -284,6 +284,13 @@ def test_a_conserved_sum_alone_is_no_reduced_model() -> None:
         assert any(rate != 0 for rate in gsp.study(each.scene).series(0).reduced_field[0]), each.name
 
 
+def test_where_nothing_decays_within_the_span_that_is_said() -> None:
+    found = find_reductions(scene({"a": "1 - a/40", "b": "a - b/80"}, {}, {"a": 0, "b": 1}, 10))
+    assert found.reason == (
+        "Do not reduce: over most of t = 0 to 10 the fastest mode that decays takes 4 times as long as that."
+    )
+
+
 def test_corrections_are_not_looked_at_where_nothing_is_separated() -> None:
     """A laser whose field decays as slowly as the run is long: the series of E diverges, and its runs take minutes."""
     rates = {"E": "P - E", "P": "200*(E*D - P)", "D": "0.2*(3 - D - E*P)"}
