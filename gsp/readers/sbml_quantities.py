@@ -63,11 +63,13 @@ class Quantities:
         """What no model here has."""
         algebraic = sum(rule.isAlgebraic() for rule in self.source.getListOfRules())
         for number, noun, remedy in (
-            (self.source.getNumEvents(), "event", "A model here is a flow without jumps: take it out."),
-            (algebraic, "algebraic rule", "Solve it for a quantity, and assign that."),
+            (self.source.getNumEvents(), "event", "A model here is a flow without jumps: take {} out."),
+            (algebraic, "algebraic rule", "Solve {} for a quantity, and assign that."),
         ):
             if number:
-                raise ModelFileError(f"the file has {counted(number, noun)}, which is not read.", remedy)
+                is_read, it = ("is", "it") if number == 1 else ("are", "them")
+                fact = f"the file has {counted(number, noun)}, which {is_read} not read."
+                raise ModelFileError(fact, remedy.format(it))
         if self.source.getNumConstraints():
             self.result.left_out.append(counted(self.source.getNumConstraints(), "constraint"))
 
