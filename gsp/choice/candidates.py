@@ -27,6 +27,8 @@ LARGEST_LAYER = 0.5
 # The full system is measured on this share of the span behind its layer, in two halves. Its layer is over when its
 # integrator does not see it any more, or at the largest share above.
 PIECE = 0.15
+# A run of so few steps is made over the span: these take no longer than a few calls.
+FEW_STEPS = 100
 # Errors over the span are looked at on so many times.
 GRID_POINTS = 97
 MAX_STEPS = 1_000_000
@@ -243,7 +245,7 @@ def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
 
 
 def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -> tuple[Trial, Interval]:
-    """The full system, its cost extrapolated from the layer and a piece of the span behind it."""
+    """The full system, its cost that of a run, or extrapolated from the layer and a piece of the span behind it."""
     first, last = scene.span
     begun = time.perf_counter()
     compiled = compile_flow(flow)
@@ -270,6 +272,13 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     attempts = done + run.stats.rejected
     free = run_model(flow, start, scene, (first, last), rtol, method=method, max_steps=attempts).t
     more = len(free) - 1 + _density(free, middle) * (last - free[-1]) - done
+    total = done + more
+    # What such a run takes beside the call itself is little, and no difference of two pieces tells it.
+    if total <= FEW_STEPS and (whole := until(last)).status.ok:
+        candidate = Candidate(
+            ModelKind.FULL, None, rtol, last, (), preparation, whole.stats.steps, whole.stats.field_calls, True,
+        )  # fmt: skip
+        return Trial(candidate, (lambda: until(last),)), (first, end)
     # The cost of a call is not paid again, that of a step is.
     extra = max(done - until(middle).stats.steps, 1)
 
@@ -277,7 +286,6 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
         each = float(np.clip((whole - half) / extra, 0.1 * whole / done, whole / done))
         return whole + each * more
 
-    total = done + more
     candidate = Candidate(
         ModelKind.FULL, None, rtol, last, (), preparation, total, run.stats.field_calls * total / done, True,
     )  # fmt: skip

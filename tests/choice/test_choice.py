@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp import load, models
-from gsp.choice import costs, forecast
+from gsp.choice import candidates, costs, forecast
 from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, reduced_candidate, run_model
 from gsp.choice.choice import _end_of, choose, select
 from gsp.choice.forecast import forecast_of, layer_left, surface_forecast_of
@@ -244,8 +244,22 @@ def by_counted_steps(run) -> float:
     return 3.0 + 0.1 * run().stats.steps
 
 
+def test_a_run_of_few_steps_is_timed_whole_and_not_by_a_difference_of_two_pieces(monkeypatch) -> None:
+    """Two pieces of such a run differ by a step or two: noise of a microsecond made the system twice as slow."""
+    spans = []
+    monkeypatch.setattr(costs, "_seconds", lambda run: spans.append(run().t[-1]) or 1.0)
+    asked = scene(-x, x - y, span=(0, 10), epsilon=0.05)
+    trial, _ = full_candidate(asked.system, asked.start, asked, 0.5, 1e-6)
+    (full,) = costs.timed([trial])
+    run = run_model(asked.system, asked.start, asked, asked.span, 1e-6)
+    assert set(spans) == {10.0}
+    assert (full.steps, full.field_calls) == (run.stats.steps, run.stats.field_calls)
+    assert full.seconds == 1.0
+
+
 def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkeypatch) -> None:
     monkeypatch.setattr(costs, "_seconds", by_counted_steps)
+    monkeypatch.setattr(candidates, "FEW_STEPS", 0)
     asked = scene(-x, x - y, span=(0, 10), epsilon=0.05)
     trial, piece = full_candidate(asked.system, asked.start, asked, 0.5, 1e-9)
     (full,) = costs.timed([trial])
