@@ -287,7 +287,7 @@ class Factors:
 
     `rows` and `columns` are what is left of column and row `order[k]` when it is eliminated. The order is fixed: where
     a pivot happens to vanish there is no value. With `sources` row k is that of the right-hand side's `sources[k]`.
-    Raises `HyperbolicityError` when one is 0 throughout.
+    Raises `HyperbolicityError` when a pivot is 0 throughout.
     """
 
     def __init__(

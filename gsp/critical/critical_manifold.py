@@ -102,7 +102,8 @@ class CriticalManifold(Card):
 
     def _with_its_digits(self, branch: Branch, x: np.ndarray, region: Mapping[str, object] | None) -> Branch:
         """The branch without its formula where that loses digits, as -b + sqrt(b^2 - 4 a c) does beside a large b."""
-        if branch.graph is None or not any(h.atoms(sp.Pow) for h in branch.graph.values()):
+        graph = branch.graph or {}
+        if all(power.exp.is_integer for h in graph.values() for power in h.atoms(sp.Pow)):
             return branch
         box = {} if region is None else check_region(region, [s.name for s in self.system.states])
         places = [x]
@@ -114,7 +115,11 @@ class CriticalManifold(Card):
         layer = [laurent(g, self.system.epsilon, order=0).get(0, sp.Integer(0)) for g in self.system.g]
         whole = Branch(self.system, tuple(sp.together(g).as_numer_denom()[0] for g in layer), None)
         here = (*x, *branch.graph_values(x[None, :])[0])
-        return whole.through({s.name: float(v) for s, v in zip(self.system.states, here)}, region=region)
+        try:
+            return whole.through({s.name: float(v) for s, v in zip(self.system.states, here)}, region=region)
+        except BranchError:
+            # Where Newton's method comes to nothing either, the conditions say how far the formula is off.
+            return branch
 
     def _told(self, x: np.ndarray, y: np.ndarray) -> str:
         return ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
