@@ -241,12 +241,16 @@ def _between(times: np.ndarray) -> np.ndarray:
 
 
 def _while_inside(prediction: Prediction, run: Trajectory) -> np.ndarray:
-    """Times of a run, and between them, until it leaves the region: nothing is asked of the manifold beyond."""
+    """Times of a run, and between them, until it leaves the region, where it may begin beside that.
+
+    Nothing is asked of the manifold beyond.
+    """
     times = _between(run.t)
     found = run.sample(times)
     states = np.stack([found[s.name] for s in prediction.sampler.system.states], axis=1)
     inside = prediction.inside(run, states)
-    return times if inside.all() else times[: int(np.argmin(inside)) + 1]
+    leaves = inside[:-1] & ~inside[1:]
+    return times[: int(np.argmax(leaves)) + 2] if leaves.any() else times
 
 
 def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:

@@ -110,7 +110,7 @@ class CriticalManifold(Card):
         for column, s in enumerate(self.system.x):
             for side in box.get(s.name, ()):
                 places.append(np.where(np.arange(len(x)) == column, side, x))
-        if not any(_loses_digits(branch, place) for place in places):
+        if not _loses_digits(branch, np.array(places)):
             return branch
         layer = [laurent(g, self.system.epsilon, order=0).get(0, sp.Integer(0)) for g in self.system.g]
         whole = Branch(self.system, tuple(sp.together(g).as_numer_denom()[0] for g in layer), None)
@@ -174,14 +174,17 @@ def _between_fields(system: SlowFastSystem, x: np.ndarray, y: np.ndarray) -> dic
     return dict(zip((s.name for s in system.states), moved.tolist()))
 
 
-def _loses_digits(branch: Branch, x: np.ndarray) -> bool:
-    """Whether more than five digits of the graph over x (n_slow,) are lost in doubles."""
+def _loses_digits(branch: Branch, places: np.ndarray) -> bool:
+    """Whether doubles lose more than five digits of the graph over `places` (m, n_slow), by its largest value."""
     assert branch.graph is not None
-    point = {s: exact(v) for s, v in zip(branch.system.x, x.tolist())} | dict(branch.system.parameters)
-    found = branch.graph_values(x[None, :], allow_complex=True)[0]
-    for value, h in zip(found.tolist(), branch.graph.values()):
-        precise = sp.N(h.xreplace(point), 40)
-        if np.isfinite(value) and precise.is_real and abs(value - precise) > 1e-11 * abs(precise):
+    parameters = dict(branch.system.parameters)
+    found = branch.graph_values(places, allow_complex=True)
+    for column, h in zip(found.T.tolist(), branch.graph.values()):
+        points = [{s: exact(v) for s, v in zip(branch.system.x, place)} for place in places.tolist()]
+        precise = [sp.N(h.xreplace(point | parameters), 40) for point in points]
+        pairs = [(v, e) for v, e in zip(column, precise) if np.isfinite(v) and e.is_real]
+        largest = max((abs(e) for _, e in pairs), default=0)
+        if any(abs(value - e) > 1e-11 * largest for value, e in pairs):
             return True
     return False
 

@@ -511,7 +511,8 @@ def test_a_formula_that_loses_digits_is_not_gone_by(total: sp.Expr, is_explicit:
     rate = (c**2 - (total + 50 + s) * c + total * s) / unit
     critical = solve_critical(SlowFastSystem(slow={x: -c}, fast={y: rate}, epsilon=eps))
     size = float(1 / unit)
-    sheet = critical.nearest({"x": 1000.0 * size, "y": 0.0}, region={"x": (size, 2000.0 * size)})
+    # Over x = 0 the root is 0, and what doubles make of it is no loss beside the others.
+    sheet = critical.nearest({"x": 1000.0 * size, "y": 0.0}, region={"x": (0, 2000.0 * size)})
     assert sheet.is_explicit == is_explicit
     for place in (sp.Integer(2), sp.Integer(1000)):
         half = (total + 50 + place) / 2
