@@ -11,8 +11,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
+import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -134,7 +137,8 @@ def _cache_of_named_files() -> Any:
 
         def load_overload(self, sig, target_context):
             try:
-                return super().load_overload(sig, target_context)
+                with _interrupt_held():
+                    return super().load_overload(sig, target_context)
             except Exception:
                 # A file that is cut off or overwritten can raise anything. It is replaced, and only if that fails told.
                 return None
@@ -147,6 +151,24 @@ def _cache_of_named_files() -> Any:
                 _warn(error)
 
     return NamedFiles
+
+
+@contextmanager
+def _interrupt_held() -> Iterator[None]:
+    """Ctrl-C waits: in LLVM's callback, which asks for the code of a file, its exception is dropped, and the code with
+    it, so that what is called next lies at address 0."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    came = []
+    signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 _Cache = _cache_of_named_files()

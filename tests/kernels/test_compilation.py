@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import warnings
@@ -145,6 +146,25 @@ def test_a_full_disk_costs_the_cache_and_nothing_else(monkeypatch: pytest.Monkey
         assert kernel(third)(3.0) == 1.0
     assert [w.category for w in told] == [CacheWarning]
     assert "No space left on device" in str(told[0].message)
+
+
+@KNOWN_FROM_WITHIN
+@pytest.mark.usefixtures("interruptible")
+def test_ctrl_c_waits_until_the_code_of_a_kernel_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In LLVM's callback its exception was dropped, and the code with it: the next call went to address 0."""
+    loaded = []
+
+    def load(self, signature, context):
+        signal.raise_signal(signal.SIGINT)
+        loaded.append(signature)
+
+    monkeypatch.setattr(FunctionCache, "load_overload", load)
+    before = signal.getsignal(signal.SIGINT)
+    files = compilation._Cache.__new__(compilation._Cache)
+    with pytest.raises(KeyboardInterrupt):
+        files.load_overload("code", None)
+    assert loaded == ["code"]
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_code_for_a_flow_is_for_the_processor_that_kernels_are_for(monkeypatch: pytest.MonkeyPatch) -> None:
