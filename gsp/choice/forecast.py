@@ -229,8 +229,7 @@ class SurfaceForecast:
         return inside(self.run, self._states(times)) | inside(self.run, whole, within=limit).all()
 
     def _states(self, times: np.ndarray) -> np.ndarray:
-        run = self.run.sample(times)
-        return np.stack([run[s.name] for s in self.forecast.study.system.states], axis=1)
+        return _states(self.forecast.prediction, self.run, times)
 
 
 def _between(times: np.ndarray) -> np.ndarray:
@@ -240,15 +239,19 @@ def _between(times: np.ndarray) -> np.ndarray:
     return np.interp(finer, np.arange(len(times)), times)
 
 
+def _states(prediction: Prediction, run: Trajectory, times: np.ndarray) -> np.ndarray:
+    """The states (m, n) of a run at `times` (m,)."""
+    found = run.sample(times)
+    return np.stack([found[s.name] for s in prediction.sampler.system.states], axis=1)
+
+
 def _while_inside(prediction: Prediction, run: Trajectory) -> np.ndarray:
     """Times of a run, and between them, until it leaves the region, where it may begin beside that.
 
     Nothing is asked of the manifold beyond.
     """
     times = _between(run.t)
-    found = run.sample(times)
-    states = np.stack([found[s.name] for s in prediction.sampler.system.states], axis=1)
-    inside = prediction.inside(run, states)
+    inside = prediction.inside(run, _states(prediction, run, times))
     leaves = inside[:-1] & ~inside[1:]
     return times[: int(np.argmax(leaves)) + 2] if leaves.any() else times
 

@@ -208,9 +208,7 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
     texts = [curve.described(study.region) for curve in curves]
     told = [str(s.blow_up) if blow_up and s.blow_up is not None else f"  {s}" for s in scales]
     texts += ["powers of epsilon there", *told] if scales else []
-    for point in folded:
-        inside = all(low <= float(point[name]) <= high for name, (low, high) in study.region.items())
-        texts.append(f"{'' if inside else 'outside the region: '}{point}")
+    texts += [f"{'' if point.is_in(study.region) else 'outside the region: '}{point}" for point in folded]
     texts += [f"folded singularities: {why_not}"] if why_not else []
     texts += map(str, ends)
     tell("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))

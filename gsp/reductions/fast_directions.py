@@ -74,17 +74,17 @@ def _simplest(basis: np.ndarray, sizes: np.ndarray, gap: float) -> sp.Matrix:
 
 def _fraction(entry: float, near: float) -> sp.Rational:
     """The number of the least denominator that is so near to `entry`."""
-    found = _between(Fraction(float(entry - near)), Fraction(float(entry + near)))
+    found = _simplest_between(Fraction(float(entry - near)), Fraction(float(entry + near)))
     return sp.Rational(found.numerator, found.denominator)
 
 
-def _between(low: Fraction, high: Fraction) -> Fraction:
+def _simplest_between(low: Fraction, high: Fraction) -> Fraction:
     """The number of the least denominator from `low` to `high`, by their continued fractions."""
     if low <= 0 <= high:
         return Fraction(0)
     if high < 0:
-        return -_between(-high, -low)
+        return -_simplest_between(-high, -low)
     whole = math.ceil(low)
     if whole <= high:
         return Fraction(whole)
-    return whole - 1 + 1 / _between(1 / (high - whole + 1), 1 / (low - whole + 1))
+    return whole - 1 + 1 / _simplest_between(1 / (high - whole + 1), 1 / (low - whole + 1))

@@ -177,10 +177,11 @@ def find_reductions(
     """What of a scene without a small parameter may be left out, measured at its own values over its own span.
 
     Candidates are sets of states in quasi-steady state, of up to three states or of those that are fast together at
-    some time, reactions in partial equilibrium and total quasi-steady states, and where none of these serves the linear
-    coordinates of a fast subspace. A candidate has as many fast modes as fast directions. It is looked at where these
-    decay along the run, and the next mode is slower by so much that within its time scale they are gone: slow manifolds
-    are unique up to exp(-gap) only (Fenichel 1979), which has to be below
+    some time, reactions in partial equilibrium and total quasi-steady states, and where none of these is separated with
+    as many fast directions as the widest gap says, the linear coordinates of a fast subspace. A candidate has as many
+    fast modes as fast directions. It is looked at where these decay along the run, and the next mode is slower by so
+    much that within its time scale they are gone: slow manifolds are unique up to exp(-gap) only (Fenichel 1979), which
+    has to be below
     the share of the tolerance that is left to a layer. The `MEASURED` ones that the run from the start stays nearest to
     are reduced, to orders 0 to 3, and compared with the full run. Beside them stand the special values of the
     parameters (see `small_parameters`), each with its error; where no other candidate serves they are candidates too,

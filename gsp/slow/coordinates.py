@@ -185,9 +185,8 @@ def factorised(
     rows, columns = (
         tuple(tuple(places[k] for k in part) for part in parts) for parts in (found.rows, found.columns)
     )
-    return Factors(
-        ring, entries, order, rows, columns, sources=[i for i, _ in sorted(at.items(), key=lambda p: p[1])]
-    )
+    source_of = {k: i for i, k in at.items()}
+    return Factors(ring, entries, order, rows, columns, [source_of[k] for k in range(len(fast))])
 
 
 def _matched(n: int, entries: Collection[tuple[int, int]]) -> list[int]:

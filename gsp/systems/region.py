@@ -78,6 +78,11 @@ def with_sides(region: Mapping[str, Interval], sides: Mapping[str, Interval]) ->
     return replace(region, intervals=intervals) if isinstance(region, ImageBox) else intervals
 
 
+def is_within(point: Mapping[str, float], region: Mapping[str, Interval]) -> bool:
+    """Whether no variable of the point that the region bounds is outside it."""
+    return all(low <= point[name] <= high for name, (low, high) in region.items() if name in point)
+
+
 def shown_region(region: Mapping[str, Interval]) -> str:
     """A region as text: "x in [0, 1], y in [-2, 2]"."""
     return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in region.items())

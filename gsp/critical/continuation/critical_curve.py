@@ -18,8 +18,6 @@ from gsp.results.tabular import Tabular
 from gsp.systems.flow import frozen
 from gsp.systems.region import Interval
 
-ROUNDING = float(np.finfo(float).eps)
-
 # The name that endings of continuations had before there was one vocabulary.
 Ending = Status
 # What to do about an ending that reads otherwise for runs.
@@ -242,7 +240,8 @@ def curve_of(
     """
     points, special, arclength = located
     # What is rounding of a scale is 0.
-    shown = [np.where(np.abs(p.unknowns) <= ROUNDING * tracer.scales, 0.0, p.unknowns) for p in special]
+    rounding = np.finfo(float).eps * tracer.scales
+    shown = [np.where(np.abs(p.unknowns) <= rounding, 0.0, p.unknowns) for p in special]
     special = tuple(replace(p, point=problem.point(u)) for p, u in zip(special, shown))
     ends = [(trace.ending, trace.points[-1], trace.bound) for trace in traces]
     counters = tracer.counters

@@ -18,7 +18,7 @@ from gsp.critical.minimally_augmented import MatrixMap, Singular, singular_near
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
 from gsp.critical.saturation import saturates
 from gsp.results.card import Card
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, is_within
 
 # An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
 ZERO_EIGENVALUE = 1e-6
@@ -60,9 +60,7 @@ class SpecialPoint(Card):
 
     def is_in(self, region: Mapping[str, Interval]) -> bool:
         """Whether no variable that the region bounds is outside it."""
-        return all(
-            low <= self.point[name] <= high for name, (low, high) in region.items() if name in self.point
-        )
+        return is_within(self.point, region)
 
     def __str__(self) -> str:
         place = ", ".join(f"{name} = {value:.10g}" for name, value in self.point.items())

@@ -25,7 +25,7 @@ from gsp.results.card import Card
 from gsp.singular.singularities.desingularised import Desingularised, FoldedError, desingularise
 from gsp.singular.singularities.located_points import Located, locate
 from gsp.systems.declaration import exact
-from gsp.systems.region import Interval, check_region
+from gsp.systems.region import Interval, check_region, is_within
 from gsp.systems.system import SlowFastSystem
 
 
@@ -79,11 +79,19 @@ class FoldedSingularity(Card):
     def __getitem__(self, name: str) -> sp.Expr:
         return self.point[name]
 
+    def is_in(self, region: Mapping[str, Interval]) -> bool:
+        """Whether no variable that the region bounds is outside it."""
+        return is_within(self.numbers(), region)
+
+    def numbers(self) -> dict[str, float]:
+        """The point in doubles."""
+        return {name: float(value) for name, value in self.point.items()}
+
     def as_dict(self) -> dict[str, object]:
         """Its numbers in plain values."""
         return {
             "kind": str(self.kind),
-            "point": {name: float(value) for name, value in self.point.items()},
+            "point": self.numbers(),
             "eigenvalues": [[float(sp.re(v)), float(sp.im(v))] for v in self.eigenvalues],
             "mu": None if self.mu is None else float(self.mu),
             "s_max": self.s_max,
