@@ -38,19 +38,21 @@ class LayerFlow:
         """The layer in units in which the largest of `places` (n_fast,), each in the system's units, has size one.
 
         A variable that is 0 in all of them is as large as the others make it within a fast time. So is one that is what
-        rounding leaves of these: g_y^-1 times the rounding of g is more than a layer is resolved to.
+        rounding leaves of these: the rounding of g, over a fast time or times g_y^-1, is more than a layer is resolved
+        to.
         """
         sizes = np.abs(places).max(axis=0)
         plain = cls(system, x, np.ones(len(sizes)))
-        for place in places:
-            coupling = np.abs(plain.jacobian(place[None, :])[0])
+        matrices = [plain.jacobian(place[None, :])[0] for place in places]
+        for matrix in matrices:
+            coupling = np.abs(matrix)
             fastest = np.abs(np.linalg.eigvals(coupling)).max() if np.isfinite(coupling).all() else 0.0
             if fastest > 0.0:
                 for _ in sizes:
-                    sizes = np.where(sizes > 0.0, sizes, (coupling * sizes).max(axis=1) / fastest)
-        matrix = plain.jacobian(places[0][None, :])[0]
+                    made = (coupling * sizes).max(axis=1) / fastest
+                    sizes = np.where(np.finfo(float).eps * made > RESOLVED * sizes, made, sizes)
         with np.errstate(all="ignore"), contextlib.suppress(np.linalg.LinAlgError):
-            made = np.abs(np.linalg.inv(matrix)) @ (np.abs(matrix) @ sizes)
+            made = np.abs(np.linalg.inv(matrices[0])) @ (np.abs(matrices[0]) @ sizes)
             sizes = np.where(np.finfo(float).eps * made > RESOLVED * sizes, made, sizes)
         return replace(plain, units=powers_of_two(np.where(sizes > 0.0, sizes, 1.0)))
 

@@ -26,6 +26,9 @@ def fast_directions(field: VectorField, place: np.ndarray, count: int, gap: floa
     matrix = compile_flow(field).jacobians(place[None, :], parameter_vector(field, None))[0]
     if not np.isfinite(matrix).all() or not 0 < count < n:
         return []
+    # Units in which what moves along a fast mode is alike: a velocity changes by as many lengths as its rate is large.
+    answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+    matrix, (sizes, _) = answer
     rates = np.linalg.eigvals(matrix)
     rates = rates[np.argsort(-np.abs(rates))]
     if not (rates.real[:count] < 0.0).all():
@@ -35,8 +38,6 @@ def fast_directions(field: VectorField, place: np.ndarray, count: int, gap: floa
     left = _subspace(matrix.T, limit, count)
     if right is None or left is None:
         return []
-    # Units in which what moves along a fast mode is alike: a velocity changes by as many lengths as its rate is large.
-    sizes = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)[1][0]
     exact = _simplest(right, sizes, gap)
     if all(np.count_nonzero(column) == 1 for column in np.array(exact).T):
         return []
@@ -64,11 +65,13 @@ def _subspace(matrix: np.ndarray, limit: float, count: int) -> np.ndarray | None
 
 
 def _simplest(basis: np.ndarray, sizes: np.ndarray, gap: float) -> sp.Matrix:
-    """The same space, to 1/gap of the `sizes`, with rows of the unit matrix where its largest minors in these are."""
-    answer: Any = scipy.linalg.qr((basis / sizes[:, None]).T, pivoting=True)
-    pivots = answer[2][: basis.shape[1]]
-    entries = basis @ np.linalg.inv(basis[pivots])
-    near = sizes[:, None] / sizes[pivots] / gap
+    """The space of a `basis` in units of `sizes`, to 1/gap of these, with rows of the unit matrix where its largest
+    minors are."""
+    answer: Any = scipy.linalg.qr(basis.T, pivoting=True)
+    pivots = np.sort(answer[2][: basis.shape[1]])
+    units = sizes[:, None] / sizes[pivots]
+    entries = basis @ np.linalg.inv(basis[pivots]) * units
+    near = units / gap
     return sp.Matrix(*entries.shape, [_fraction(*pair) for pair in zip(entries.flat, near.flat)])
 
 

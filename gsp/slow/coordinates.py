@@ -8,6 +8,7 @@ D_j = d/dx_j - (g_y^-1 g_x)_j d/dy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -31,6 +32,8 @@ from gsp.lowering.steps.straight_line import eliminate
 # So many fast variables that depend on one another have polynomials that can be written out; with more, the
 # determinant of their Jacobian has thousands of terms.
 WRITTEN = 5
+# A variable that the others move by so many units is not eliminated: errors of a run in them grow by as much in it.
+STEEP = 100.0
 
 
 @dataclass(frozen=True)
@@ -279,7 +282,7 @@ def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
     equations = [sp.numer(sp.together(e)) for e in branch.equations]
     graph: dict[sp.Symbol, sp.Expr] = {}
     while equations:
-        found = next(_eliminations(equations, variables, graph), None)
+        found = next(_eliminations(branch, equations, variables, graph), None)
         if found is None:
             break
         symbol, equations, graph = found
@@ -288,25 +291,48 @@ def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
 
 
 def _eliminations(
-    equations: list[sp.Expr], variables: list[sp.Symbol], graph: dict[sp.Symbol, sp.Expr]
+    branch: Branch, equations: list[sp.Expr], variables: list[sp.Symbol], graph: dict[sp.Symbol, sp.Expr]
 ) -> Iterator[tuple[sp.Symbol, list[sp.Expr], dict[sp.Symbol, sp.Expr]]]:
-    """(variable, equations left, graph) for every variable that an equation gives, as far as the rest stays short.
+    """(variable, equations left, graph) for every variable that an equation gives, as far as the rest stays short:
+    fast ones first, and of these the one that the others move least.
 
     Squares of squares double their degree each time: one more coordinate is cheaper than such a graph.
     """
+    system = branch.system
+    candidates = []
     for i, equation in enumerate(equations):
-        for symbol in variables:
-            slope = derivative(equation, symbol)
+        gradient = {s: derivative(equation, s) for s in variables}
+        sizes = _sizes(branch, gradient)
+        for symbol, slope in gradient.items():
             # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there. Nor is it
             # linear where it stands in a sign too, whose slope is 0.
             if slope == 0 or slope.has(*variables) or sp.expand(equation - slope * symbol).has(symbol):
                 continue
-            value = -equation.subs(symbol, 0) / slope
-            rest = [e.subs(symbol, value) for j, e in enumerate(equations) if j != i]
-            values = {s: v.subs(symbol, value) for s, v in graph.items()}
-            if all(_is_short(e, variables) for e in (value, *rest, *values.values())):
-                expanded = {s: sp.expand(v) for s, v in values.items()}
-                yield symbol, [sp.numer(sp.together(e)) for e in rest], {**expanded, symbol: sp.expand(value)}
+            others = max((size for s, size in sizes.items() if s != symbol), default=0.0)
+            moved = others / sizes[symbol] if sizes[symbol] else math.inf
+            if moved > STEEP:
+                continue
+            # Rounding decides between equals no more than the order in which variables are declared.
+            rank = (symbol in system.x, np.round(np.log2(max(1.0, moved))), symbol.name, str(equation))
+            candidates.append((rank, i, symbol, slope))
+    for _, i, symbol, slope in sorted(candidates, key=lambda candidate: candidate[0]):
+        value = -equations[i].subs(symbol, 0) / slope
+        rest = [e.subs(symbol, value) for j, e in enumerate(equations) if j != i]
+        values = {s: v.subs(symbol, value) for s, v in graph.items()}
+        if all(_is_short(e, variables) for e in (value, *rest, *values.values())):
+            expanded = {s: sp.expand(v) for s, v in values.items()}
+            yield symbol, [sp.numer(sp.together(e)) for e in rest], {**expanded, symbol: sp.expand(value)}
+
+
+def _sizes(branch: Branch, gradient: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, float]:
+    """How much a unit of each variable changes an equation at the branch's seed, by its gradient."""
+    system = branch.system
+    units = np.concatenate(branch.scales).tolist()
+    place = units if branch.seed is None else np.concatenate(branch.seed).tolist()
+    at = dict(zip(system.states, map(sp.Float, place))) | dict(system.parameters)
+    sizes = {s: abs(complex(slope.xreplace(at).evalf())) for s, slope in gradient.items()}
+    units_of = dict(zip(system.states, units))
+    return {s: size * units_of[s] if math.isfinite(size) else 0.0 for s, size in sizes.items()}
 
 
 def _is_short(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> bool:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
+import scipy.linalg
 import sympy as sp
 from sympy.polys.domains import EXRAW
 from sympy.polys.matrices import DomainMatrix
@@ -93,11 +95,12 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
         whole, _ = constant.numer_denom()
         if (whole * whole).rank() == whole.rank():
             return whole.rank()
-    functions = [compile_over(field, tuple(outputs), arguments=states) for outputs in (layer, matrix)]
+    plain = [compile_over(field, tuple(outputs), arguments=states) for outputs in (layer, matrix)]
     p = compile_flow(field).constants
     random = np.random.default_rng(0)
     z = random.standard_normal((SEARCH_STARTS, len(states)))
     z[: SEARCH_STARTS // 2] = np.abs(z[: SEARCH_STARTS // 2])
+    functions = _in_units(plain, _balanced(plain[1](z, p)))
     # In a unit of time in which DL is not small at the starts: what vanishes is told from what is slow.
     sizes = np.linalg.norm(functions[1](z, p), axis=1)
     usual = sizes[np.isfinite(sizes) & (sizes > 0.0)]
@@ -153,18 +156,31 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     return rank
 
 
+def _balanced(matrices: np.ndarray) -> np.ndarray:
+    """The units (n,), powers of two, in which the usual one of the `matrices` (m, n * n) is balanced."""
+    n = math.isqrt(matrices.shape[1])
+    finite = matrices[np.isfinite(matrices).all(axis=1)]
+    if not finite.size:
+        return np.ones(n)
+    usual = np.median(np.abs(finite), axis=0).reshape(n, n)
+    answer: Any = scipy.linalg.matrix_balance(usual, permute=False, separate=True)
+    return answer[1][0]
+
+
+def _in_units(compiled: Sequence[Callable], units: np.ndarray) -> list[Callable]:
+    """L and DL of states in `units` (n,), by those of the states themselves."""
+    of, derivatives = compiled
+    ratios = (units / units[:, None]).ravel()
+    return [lambda z, p: of(z * units, p) / units, lambda z, p: derivatives(z * units, p) * ratios]
+
+
 def _matrices_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarray) -> Iterator[np.ndarray]:
     """DL (n, n) at the zeros found from `starts` (m, n), the states in `units` (n,), each then in units of its value.
 
     What is a zero is judged relative to the terms.
     """
 
-    def values(z: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return compiled[0](z * units, p) / units
-
-    def matrix(z: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return (_matrix(compiled[1], z * units, p) * units / units[:, None]).ravel()
-
+    values, matrix = _in_units(compiled, units)
     for start in starts:
         z, converged = _equilibrium(start, (values, matrix), p)
         there = _matrix(matrix, z, p)

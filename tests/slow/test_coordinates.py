@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 import sympy as sp
 
@@ -53,3 +55,19 @@ def test_a_fast_coordinate_beside_the_slow_ones_stays_on_the_branch():
     for f, rates in zip(series.reduced_field, series.coordinate_field):
         assert rates[s] == f[s]
         assert sp.simplify(sp.diff(g, s) * rates[s] + sp.diff(g, u) * rates[u]) == 0
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+def test_a_variable_is_eliminated_where_the_others_tell_it_whatever_the_order(order):
+    """v = p follows from two equations of which one loses six digits, and p from one of them only so."""
+    p, q, v, a, b, epsilon = sp.symbols("p q v a b epsilon")
+    fast = [
+        (v, p - v),
+        (a, -(10**6) * (a - b) - v - sp.sin(a + b)),
+        (b, 10**6 * (q - a - b + sp.sin(a - b)) - v),
+    ]
+    system = gsp.SlowFastSystem(slow={p: -p, q: -q}, fast=dict(fast[k] for k in order), epsilon=epsilon)
+    branch = gsp.solve_critical(system).branches[0].through({"p": 1, "q": 1, "v": 1, "a": 0.5, "b": 0.5})
+    made = coordinates.chart(branch)
+    assert set(made.coordinates) == {p, a, b}
+    assert (made.elements[v] - made.elements[p]).is_zero

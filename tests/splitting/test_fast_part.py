@@ -279,3 +279,14 @@ def test_the_rank_is_the_same_where_units_of_the_states_are_far_apart() -> None:
         own = rescaled(plain, powers).system
         assert isinstance(own, VectorField)
         assert layer_rank(principal_part(own)[0], own) == 2
+
+
+@pytest.mark.parametrize(("length", "speed"), [(0, 0), (-3, 3), (2, -3), (-3, 4)])
+def test_the_rank_is_the_same_in_units_of_length_and_speed(length: int, speed: int) -> None:
+    """Two wagons: where they are 1e3 long and 1e-3 fast the rank was 1, or no equilibrium was found."""
+    a, b, u, v = states = sp.symbols("a b u v")
+    far, fast = sp.Integer(10) ** length, sp.Integer(10) ** speed
+    pull = (900 * (b - a) * far + 50 * (v - u) * fast + sp.sin(a * far) / 4) / fast
+    layer = [(u - v) * fast / far, (v - u) * fast / far, pull, -pull]
+    own = VectorField({s: rate / eps for s, rate in zip(states, layer)}, epsilon=eps)
+    assert layer_rank(layer, own) == 2
