@@ -54,7 +54,7 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
     everything = np.concatenate([*seen, floor])
     everything = everything[np.isfinite(everything) & (everything > 0)]
     if not everything.size:
-        axes.text(0.5, 0.5, "no full run reached the end", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "no errors: runs ended early", ha="center", transform=axes.transAxes)
         everything = np.array([1e-15, 1.0])
     if guided:
         axes.plot(

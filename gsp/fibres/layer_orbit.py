@@ -116,11 +116,14 @@ def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
     eigenvalues = np.linalg.eigvals(limit)
     real, scale = eigenvalues.real, np.abs(eigenvalues).max()
     where = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.x, x))
-    if not np.isfinite(limit).all() or np.abs(real).min() <= 1e-12 * scale:
+    neutral = np.abs(real) <= 1e-12 * scale
+    if not np.isfinite(limit).all() or neutral.any():
+        turns = np.isfinite(limit).all() and (np.abs(eigenvalues[neutral]) > 1e-12 * scale).all()
         raise HyperbolicityError(
             f"the branch {branch} is not normally hyperbolic over {where}: the fast eigenvalues are "
             f"{np.array2string(eigenvalues, precision=4)}.",
-            "There is no fibre to project along; move the start.",
+            "There is no fibre to project along; "
+            + ("what turns fast is averaged, by `gsp average`." if turns else "move the start."),
         )
     if (real > 0).any() and (real < 0).any():
         raise HyperbolicityError(

@@ -20,7 +20,7 @@ import sympy as sp
 from gsp.algebra.brevity import brief
 from gsp.algebra.factorisation import factored
 from gsp.algebra.laurent import laurent, pole_order
-from gsp.errors import DegenerateError, SplittingError
+from gsp.errors import BudgetError, DegenerateError, SplittingError
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
@@ -94,7 +94,7 @@ class Nesting(Portable, Drawn):
     @cached_property
     def series(self) -> SeriesManifold:
         """The slow manifold over C2 in powers of sigma, through `order`."""
-        return self.second.series(self.order)
+        return _series(self.second, self.order)
 
     @cached_property
     def manifold(self) -> Mapping[Powers, Mapping[sp.Symbol, sp.Expr]]:
@@ -250,7 +250,7 @@ def nest(scene: Scene, *, small: Iterable[str | Iterable[str]] | None = None, or
     epsilon = first.system.epsilon
     refuse_other_way(first, second)
     in_fast_time = not any(pole_order(rate, second) for rate in first.system.slow.values())
-    series = first.series(order + in_fast_time)
+    series = _series(first, order + in_fast_time)
     poles = [max(pole_order(rate, second) for rate in row) for row in series.coordinate_field]
     if poles[0] > 1:
         raise SplittingError(
@@ -285,6 +285,16 @@ def nest(scene: Scene, *, small: Iterable[str | Iterable[str]] | None = None, or
             fact = f"the rate of {symbol} carries {epsilon}/{second} on {first.branch}, and no 1/{second}"
             raise hidden_scale(first, second, fact)
     return found
+
+
+def _series(study: Study, order: int) -> SeriesManifold:
+    try:
+        return study.series(order)
+    except BudgetError as error:
+        # Both small parameters stay symbols, so that values in place of the others are no remedy.
+        raise BudgetError(
+            f"{error.fact}.", "Take a lower order, or fewer variables.", limit=error.limit, value=error.spent
+        ) from None
 
 
 @dataclass(frozen=True)

@@ -200,8 +200,13 @@ def scene_of(document: dict, file: Path) -> Scene:
     if "mechanics" in document:
         document, contacts = with_equations(document, name)
     tables = {key: values.table(document, key) for key in _TABLES}
-    system, symbols, definitions = _system(document, tables, name)
     scene = tables["scene"]
+    if isinstance(scene.get("epsilon"), str) and scene["epsilon"] in tables["parameters"]:
+        raise ModelFileError(
+            f"scene.epsilon is a number, the value of the small parameter, and {scene['epsilon']} is a parameter.",
+            f'Write epsilon = "{scene["epsilon"]}" at the top of the file and its value here, not under [parameters].',
+        )
+    system, symbols, definitions = _system(document, tables, name)
     values.check_keys(scene, _SCENE, "scene.", elsewhere={"": TEXT}, tables=_TABLES)
     small = system.epsilon is not None
     missing = {key: line for key, line in (NEEDED_OF_SMALL if small else NEEDED).items() if key not in scene}

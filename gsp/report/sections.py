@@ -112,7 +112,7 @@ class Page(Setting):
             for order, (error, how) in known.items()
             if not math.isnan(error)
         ]
-        return Markup(", ").join(shown) if shown else Markup("not measured: no full run reached the end")
+        return Markup(", ").join(shown) if shown else Markup("not measured: a run ended early")
 
     def leaving(self) -> Markup:
         """How soon orbits next to a manifold that does not attract leave it; empty for one that does."""
@@ -245,7 +245,7 @@ class Page(Setting):
         comparison = self.analysis.comparison
         slopes = ["exact" if comparison.is_exact(n) else fitted(s) for n, s in comparison.slopes.items()]
         if set(slopes) == {"–"}:
-            return Markup("not measured: no full run reached the end")
+            return Markup("not measured: fewer than two errors stand clear of the reference’s own")
         orders = self._listed([str(order) for order in comparison.slopes])
         return Markup("{} at orders {}").format(", ".join(slopes), orders)
 

@@ -279,6 +279,13 @@ def test_a_saddle_type_branch_has_base_points_on_its_stable_side_only() -> None:
         project(branch, {"x": 1, "y": 0, "z": 3}, epsilon=0.01, numeric=True)
 
 
+def test_what_turns_fast_is_averaged_and_not_projected() -> None:
+    system = SlowFastSystem(slow={x: -x + z}, fast={y: z, z: -y}, epsilon=epsilon)
+    branch = solve_critical(system).branches[0]
+    with pytest.raises(HyperbolicityError, match=r"no fibre to project along; what turns fast is averaged"):
+        expand_inner(branch, {"x": 1, "y": 1, "z": 0}, order=1)
+
+
 def test_a_layer_through_a_pole_is_refused() -> None:
     system = SlowFastSystem(slow={x: -1 / y}, fast={y: x - y}, epsilon=epsilon)
     branch = solve_critical(system).branches[0]

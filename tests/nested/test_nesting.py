@@ -11,9 +11,10 @@ import sympy as sp
 from click.testing import CliRunner
 
 import gsp
+from gsp.algebra import ring
 from gsp.cli import cli
 from gsp.comparison.nested import compare_each
-from gsp.errors import DeclarationError, DegenerateError, SplittingError, Status
+from gsp.errors import BudgetError, DeclarationError, DegenerateError, SplittingError, Status
 from gsp.nested.nesting import Nesting
 
 z, y, x, w, m, c = sp.symbols("z y x w m c")
@@ -288,6 +289,17 @@ def test_a_special_value_on_a_special_value_is_a_third_time_scale() -> None:
     for each in slow:
         with pytest.raises(DeclarationError, match="implicit manifold"):
             gsp.small_parameters(each)
+
+
+def test_a_series_beyond_the_budget_names_a_lower_order_and_not_the_values_of_the_parameters(
+    monkeypatch,
+) -> None:
+    """The remedy was `--values`, which `gsp nest` does not take."""
+    found = gsp.nest(cascade(), small=["epsilon", "delta"], order=3)
+    monkeypatch.setattr(ring, "BUDGET", 300)
+    with pytest.raises(BudgetError, match="Take a lower order") as refused:
+        print(found.series)
+    assert "--values" not in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -486,6 +486,11 @@ CHANGES = {
         ("names the symbol", "[scene]"),
     ),
     "no span": ("span = [0, 5]", "", ("scene.span is missing", "span = [0, 5]")),
+    "epsilon by a parameter's name": (
+        "epsilon = 0.01",
+        'epsilon = "kappa"',
+        ("scene.epsilon is a number", 'epsilon = "kappa" at the top'),
+    ),
     "no epsilon": ("epsilon = 0.01", "", ("scene.epsilon is missing",)),
     "neither": (
         "span = [0, 5]\nepsilon = 0.01",
