@@ -294,7 +294,7 @@ def _eliminations(
     branch: Branch, equations: list[sp.Expr], variables: list[sp.Symbol], graph: dict[sp.Symbol, sp.Expr]
 ) -> Iterator[tuple[sp.Symbol, list[sp.Expr], dict[sp.Symbol, sp.Expr]]]:
     """(variable, equations left, graph) for every variable that an equation gives, as far as the rest stays short:
-    fast ones first, and of these the one that the others move least.
+    fast ones first, and none that the others move steeply.
 
     Squares of squares double their degree each time: one more coordinate is cheaper than such a graph.
     """
@@ -308,14 +308,11 @@ def _eliminations(
             # linear where it stands in a sign too, whose slope is 0.
             if slope == 0 or slope.has(*variables) or sp.expand(equation - slope * symbol).has(symbol):
                 continue
-            others = max((size for s, size in sizes.items() if s != symbol), default=0.0)
-            moved = others / sizes[symbol] if sizes[symbol] else math.inf
-            if moved > STEEP:
+            if max((size for s, size in sizes.items() if s != symbol), default=0.0) > STEEP * sizes[symbol]:
                 continue
-            # Rounding decides between equals no more than the order in which variables are declared.
-            rank = (symbol in system.x, np.round(np.log2(max(1.0, moved))), symbol.name, str(equation))
-            candidates.append((rank, i, symbol, slope))
-    for _, i, symbol, slope in sorted(candidates, key=lambda candidate: candidate[0]):
+            candidates.append(((symbol not in system.x, symbol.name, str(equation)), i, symbol, slope))
+    # By names, the last first: nothing depends on the order in which variables are declared.
+    for _, i, symbol, slope in sorted(candidates, key=lambda candidate: candidate[0], reverse=True):
         value = -equations[i].subs(symbol, 0) / slope
         rest = [e.subs(symbol, value) for j, e in enumerate(equations) if j != i]
         values = {s: v.subs(symbol, value) for s, v in graph.items()}
