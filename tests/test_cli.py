@@ -200,6 +200,7 @@ def test_folds_name_weights_and_powers_and_print_charts() -> None:
     assert found["charts"]["epsilon = r_1^3"]["x_1"] == "-x_1**2 + y_1"
 
 
+@pytest.mark.exhaustive
 def test_folds_are_found_along_a_graph_with_a_root(tmp_path) -> None:
     file = tmp_path / "predators.toml"
     file.write_text(

@@ -8,6 +8,7 @@ import sympy as sp
 from gsp.algebra.fourier_ring import FourierRing
 from gsp.algebra.ring import read
 from gsp.errors import UnsupportedFunctionError
+from tests.cases import thinned
 
 x, y, theta = sp.symbols("x y theta", real=True)
 WAVES = [
@@ -19,7 +20,7 @@ WAVES = [
 ]
 
 
-@pytest.mark.parametrize("wave", WAVES)
+@pytest.mark.parametrize("wave", thinned(WAVES, 3))
 def test_mean_and_harmonics_are_those_of_integrals(wave: sp.Expr) -> None:
     ring = FourierRing([x, y], functions=True)
     element = read(ring.harmonics_of(wave, theta), ring, {})

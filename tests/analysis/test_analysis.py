@@ -74,6 +74,7 @@ def test_a_long_series_is_run_through_a_lower_order_and_the_analysis_says_so(
     assert found.cut in str(found)
 
 
+@pytest.mark.exhaustive
 def test_a_scene_whose_region_holds_a_fold_is_analysed_as_far_as_it_goes(tmp_path) -> None:
     """FitzHugh and Nagumo as everybody gives it: the whole cycle, of which a slow piece alone can be reduced."""
     v, w, a, b, current = sp.symbols("v w a b I")

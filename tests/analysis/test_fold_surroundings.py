@@ -177,6 +177,7 @@ A, B, X, Y = sp.symbols("A B X Y")
 RADICALS = {A: -A * X, B: A * X - B}, {X: A - 2 * X**2 - A * X / 10 + Y / 5, Y: 2 * X**2 - 3 * B * Y / 4 - Y}
 
 
+@pytest.mark.exhaustive
 def test_where_nothing_can_be_blown_up_outside_the_region_nothing_is_said() -> None:
     """Folds of two radicals at A = 0 and at B = -4/3 and -16/15, at which whole curves of points meet."""
     system = SlowFastSystem(slow=RADICALS[0], fast=RADICALS[1], epsilon=epsilon)
@@ -195,6 +196,7 @@ def test_where_nothing_can_be_blown_up_outside_the_region_nothing_is_said() -> N
     assert not any(re.search(r"e-(1[6-9]|[2-9]\d|\d{3})", text.split("(a =")[0]) for text in texts)
 
 
+@pytest.mark.exhaustive
 def test_the_folds_of_a_hill_function_have_their_powers() -> None:
     """Its exponent is a parameter, and their points are no rational numbers."""
     s, q = sp.symbols("s q")

@@ -119,6 +119,7 @@ def test_van_der_pol_has_the_published_limit_cycle() -> None:
     assert sp.expand(series(near, 2).subs(first, turn) - (2 + epsilon**2 / 96)) == 0
 
 
+@pytest.mark.exhaustive
 def test_duffing_has_the_published_frequency_in_both_conventions() -> None:
     """A. H. Nayfeh, Introduction to Perturbation Techniques (1981), section 4: by u(0), and by the first harmonic."""
     found = gsp.average(DUFFING, pair=(u, v), order=3)

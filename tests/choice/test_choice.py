@@ -596,6 +596,7 @@ def test_the_solved_manifold_serves_a_span_that_is_shorter_than_its_layer_to_rou
     assert solved.valid, solved.why_not
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_that_ends_within_the_margin_is_solved_under_the_runs() -> None:
     # y = sqrt(x), from x = 1/10 to 19: a twentieth of that before the start the sheet is gone.
     asked = scene(
@@ -725,6 +726,7 @@ def test_a_slow_coordinate_of_the_splitting_is_told_with_what_it_is() -> None:
     assert "in p = b + c; in the fast variables" in str(choose(scene))
 
 
+@pytest.mark.exhaustive
 def test_the_manifold_is_not_solved_beyond_where_the_run_leaves_the_region() -> None:
     """The run leaves the region at t = 0.75, and goes on to z = -18, where the sheet has folded."""
     z = sp.Symbol("z")

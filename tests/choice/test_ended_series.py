@@ -51,6 +51,7 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     return limit
 
 
+@pytest.mark.exhaustive
 def test_what_an_order_beyond_the_budget_spent_is_not_charged_to_those_before_it() -> None:
     study = study_of(load(LONG))
     ring = study.series(1, symbolic=False).chart.ring

@@ -67,6 +67,7 @@ def test_where_something_serves_as_predicted_nothing_is_measured() -> None:
     assert measured_where_untold(trials, forecast_of(replace(SCENE, tolerance=0.2), (0,)), ["x"]) == trials
 
 
+@pytest.mark.exhaustive
 def test_a_series_that_is_run_through_ends_no_choice() -> None:
     """A battery: order 2 is the last that is run, no higher one tells its error, and a full run does."""
     scene, _ = load_noted(Path(__file__).parents[1] / "systems" / "battery.toml")

@@ -476,6 +476,7 @@ def test_a_common_factor_without_real_zeros_is_complex_and_no_piece() -> None:
     assert manifold.complex == (circle,)
 
 
+@pytest.mark.exhaustive
 def test_a_region_without_a_branch_names_the_piece_that_may_be_there() -> None:
     manifold = solve_critical(SlowFastSystem(slow={x: -x}, fast=LINE_AND_POINT, epsilon=eps))
     with pytest.raises(BranchError, match=r"there is X - Y = 0 too"):

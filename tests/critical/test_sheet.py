@@ -279,6 +279,7 @@ def test_a_sheet_in_two_fast_variables_is_the_same_in_disguise() -> None:
     assert (np.abs(sheet["a"]) <= 1).all()
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_in_four_fast_variables_is_a_disc_with_the_folds_of_one() -> None:
     # Behind the cusp three directions contract, each onto a bent graph.
     g = (y**3 + a * y + b, y**2 - y1, a * y - y2, y1 - w)
@@ -342,7 +343,7 @@ def test_vertices_beside_a_pole_that_are_not_on_the_manifold_are_left_out_in_any
 
 
 @pytest.mark.parametrize("power", sampled([-6, 0, 6], always=[6]))
-@pytest.mark.parametrize("edge", [-(2.0**-53), 0.0])
+@pytest.mark.parametrize("edge", sampled([-(2.0**-53), 0.0], always=[0.0]))
 def test_a_fold_beside_a_pole_on_the_bound_is_found_on_either_side_of_rounding(edge: float, power: int) -> None:
     """Budworms y = a t on foliage a, folded where a = B/(r (1 - t/355) t) is least, t = 355/2 without saturation."""
     unit = sp.Integer(10) ** power

@@ -109,6 +109,7 @@ def test_rates_may_depend_on_epsilon() -> None:
     assert both.epsilon_0 >= both.epsilon_1 > 0.08
 
 
+@pytest.mark.exhaustive
 def test_units_do_not_matter() -> None:
     """Volts for millivolts and hours for seconds: epsilon_0 goes with the time of the slow variable."""
     k, m, t = R(1, 1000), R(50), R(1, 3600)

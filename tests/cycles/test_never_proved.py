@@ -35,6 +35,7 @@ def test_a_pole_on_the_repelling_sheet_is_undecided_without_a_long_search() -> N
     assert "does not close" in found.reason
 
 
+@pytest.mark.exhaustive
 def test_a_slow_rate_that_nearly_touches_zero_is_no_obstacle() -> None:
     """x' is at most -1.5e-4 there: a cycle all the same, and a period that allows for the time it takes."""
     slow = -x * ((x - R(3, 2)) ** 2 + R(1, 10_000))

@@ -33,7 +33,7 @@ def test_a_step_is_read_aloud_in_a_breath_or_two(name: str) -> None:
         assert 40 < len(step["text"].replace("$", "")) <= LONGEST
 
 
-@pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh", "koper")))
+@pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh",)))
 def test_every_step_draws_itself(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
     count = page.run("return data.story.length")

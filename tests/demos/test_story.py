@@ -60,6 +60,7 @@ def test_the_story_of_the_page_is_clicked_through(cart, page, tmp_path, monkeypa
     assert page.complaints() == []
 
 
+@pytest.mark.exhaustive
 def test_every_part_of_a_body_draws_something(cart, page, tmp_path) -> None:
     parts = re.findall(r"^\| `(\{ .* \})` \|", DOCS.read_text(encoding="utf-8"), re.MULTILINE)
     assert len(parts) == 7

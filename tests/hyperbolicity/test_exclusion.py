@@ -212,6 +212,7 @@ def test_a_budget_grows_while_that_decides_something(rate: sp.Expr, done: bool) 
     assert (not longer.undecided) is done
 
 
+@pytest.mark.exhaustive
 def test_a_discriminant_that_vanishes_nowhere_leaves_no_loss_where_boxes_are_too_few() -> None:
     # Binding with a small dissociation constant k: the gap is sqrt(4 k u) along u = v, and far larger beside it.
     v, k = sp.Symbol("v"), Q(1, 500)

@@ -71,6 +71,7 @@ def test_what_is_lost_is_not_proved():
     assert (found.kind, found.certificate.verdict) == ("lost", "undecided")
 
 
+@pytest.mark.exhaustive
 def test_a_verdict_that_only_the_proof_decides_keeps_the_conditions_at_its_epsilon():
     """Seventy places that nearly touch are more boxes than `classify` spends; a report asks for the proof later."""
     rate = sp.sin(110 * x) ** 2 + sp.Rational(1, 10**11)

@@ -613,6 +613,7 @@ def test_kinetic_damping_is_the_metric_of_footnote_3() -> None:
     assert sp.simplify(poles + sp.Matrix(slips)) == sp.zeros(2, 1)
 
 
+@pytest.mark.exhaustive
 def test_kinetic_runs_do_not_depend_on_how_constraints_are_written() -> None:
     start = {"x": 0.1, "y": 0, "phi": 0.3, "psi": 0.2, "xdot": 0.4, "ydot": -0.2, "phidot": 1, "psidot": 0.5}
     ends = []

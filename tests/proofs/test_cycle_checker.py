@@ -184,12 +184,13 @@ def test_a_change_that_says_less_or_stays_true_is_accepted(proof: dict, change: 
     cycle_checker.check(other)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("system", "start"),
     [
         (van_der_pol(R(9, 10)), (2, 0.6)),
         (fitzhugh_nagumo(), (-1.8, 0.5)),
-        pytest.param(lengyel_epstein(), (0.45, 13.5), marks=pytest.mark.exhaustive),
+        (lengyel_epstein(), (0.45, 13.5)),
     ],
 )
 def test_both_annuli_are_written_and_verified(system: gsp.SlowFastSystem, start: tuple, tmp_path: Path) -> None:
@@ -217,6 +218,7 @@ def test_what_is_not_proved_is_not_saved(tmp_path: Path) -> None:
         found.save(tmp_path / "p.json")
 
 
+@pytest.mark.exhaustive
 def test_the_command_line_proves_writes_and_verifies(tmp_path: Path) -> None:
     file = tmp_path / "p.json"
     run = CliRunner()

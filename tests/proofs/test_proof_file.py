@@ -254,6 +254,7 @@ def test_no_file_is_written_that_is_too_large_to_verify(
     assert not (tmp_path / "large.json").exists()
 
 
+@pytest.mark.exhaustive
 def test_a_box_of_two_fast_variables_is_checked_by_few_operations(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -121,6 +121,7 @@ def test_powers_of_numbers_have_so_many_bits_at_most() -> None:
             _power(Fraction(3), exponent)
 
 
+@pytest.mark.exhaustive
 def test_the_largest_of_all_bounds_is_told_whichever_piece_it_is_of() -> None:
     # x' = x^2/2 on y = z = 0: the rate is |x|.
     flat = EnclosedEquations([x], [y], [-y])

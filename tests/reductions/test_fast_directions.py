@@ -37,7 +37,7 @@ def scene_of(field: VectorField) -> gsp.Scene:
 
 
 @pytest.mark.parametrize(
-    "masses", thinned([[R(1), R(1, 2)], [R(1), R(2), R(1)], [R(1), R(3, 2), R(1, 2), R(2)]], 2)
+    "masses", thinned([[R(1), R(1, 2)], [R(1), R(2), R(1)], [R(1), R(3, 2), R(1, 2), R(2)]], 3)
 )
 def test_masses_that_are_joined_stiffly_move_as_one(masses: list[sp.Expr]) -> None:
     """What stays is the centre of mass and its velocity: within 1/gap, and to the tolerance when it is run."""
@@ -58,7 +58,7 @@ def test_masses_that_are_joined_stiffly_move_as_one(masses: list[sp.Expr]) -> No
 
 @pytest.mark.parametrize(
     ("order", "length", "speed"),
-    thinned([([5, 4, 3, 2, 1, 0], 4, 6), ([0, 5, 3, 4, 2, 1], -3, 3), (range(6), 2, -3)], 2),
+    thinned([([5, 4, 3, 2, 1, 0], 4, 6), ([0, 5, 3, 4, 2, 1], -3, 3), (range(6), 2, -3)], 3),
 )
 def test_masses_move_as_one_in_any_order_and_in_other_units(order, length: int, speed: int) -> None:
     """A slow variable given by differences of positions times the stiffness ran in 78 steps, or to no end."""
@@ -108,6 +108,7 @@ def test_of_the_numbers_between_two_that_of_the_least_denominator_is_taken() -> 
             assert math.ceil(low * denominator) > high * denominator
 
 
+@pytest.mark.exhaustive
 def test_a_gap_is_that_over_half_of_the_span_and_not_of_the_steps() -> None:
     """Most steps of a motor on a stiff shaft lie in its first moments, when friction is as fast as the shaft."""
     i, w, th, ph, q = sp.symbols("i w th ph q")

@@ -235,6 +235,7 @@ def test_raw_equations_lead_to_the_right_reduced_model(name: str, monkeypatch: p
     assert own.predicted == found.recommended.error
 
 
+@pytest.mark.exhaustive
 def test_what_slows_the_machine_while_one_candidate_is_looked_at_changes_no_recommendation(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -256,6 +257,7 @@ def test_what_slows_the_machine_while_one_candidate_is_looked_at_changes_no_reco
     assert found.recommended.seconds == quiet.recommended.seconds
 
 
+@pytest.mark.exhaustive
 def test_a_parameter_within_a_function_hides_no_candidate() -> None:
     """Surface and deep ocean: T1/d stands in the tanh of the albedo, and T is fast by itself."""
     rates = {"T": "(340*(0.6 + 0.1*tanh((T - T1)/d)) - 203 - 2.1*T - 0.7*(T - D))/8", "D": "0.7*(T - D)/1000"}
@@ -264,6 +266,7 @@ def test_a_parameter_within_a_function_hides_no_candidate() -> None:
     assert found.recommended.name == "quasi-steady state of T"
 
 
+@pytest.mark.exhaustive
 def test_a_conserved_sum_alone_is_no_reduced_model() -> None:
     # Calcium, two buffers, a store and a pump: ca + b + q + 10 er stays, and everything else decays in the span.
     pumped, leaked = "30*ca**2/(4/25 + ca**2)", "5 + (er - ca)/10"
@@ -291,6 +294,7 @@ def test_where_nothing_decays_within_the_span_that_is_said() -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_corrections_are_not_looked_at_where_nothing_is_separated() -> None:
     """A laser whose field decays as slowly as the run is long: the series of E diverges, and its runs take minutes."""
     rates = {"E": "P - E", "P": "200*(E*D - P)", "D": "0.2*(3 - D - E*P)"}
@@ -302,6 +306,7 @@ def test_corrections_are_not_looked_at_where_nothing_is_separated() -> None:
     assert of_e
 
 
+@pytest.mark.exhaustive
 def test_two_fast_variables_with_scales_of_their_own_are_left_out_together() -> None:
     """An amplifier's input node and output, rates 1e9 and 6e5, in front of a filter of 1 ms."""
     rates = {
@@ -347,6 +352,7 @@ def test_the_parameter_that_divides_the_fast_rate_is_named() -> None:
     assert str(found.recommended.scene.system.epsilon) == "L"
 
 
+@pytest.mark.exhaustive
 def test_a_parameter_that_divides_fast_rates_but_makes_one_direction_fast_is_not_named() -> None:
     """R between two nodes of one temperature stands under both rates, and Tr - Ta alone is fast by it."""
     rates = {"Tr": "(1 - (Tr - Ta)/R)/C", "Ta": "((Tr - Ta)/R - (Ta - Tw)/S)/C", "Tw": "(Ta - 2*Tw)/50"}
@@ -412,6 +418,7 @@ def test_where_no_part_with_a_name_serves_a_special_value_may() -> None:
     assert not found.near
 
 
+@pytest.mark.exhaustive
 def test_states_that_are_fast_together_are_a_candidate_however_many_they_are() -> None:
     """Four states relax together onto a slow fifth; sets of four are not tried one by one."""
     equations = {
@@ -501,6 +508,7 @@ def test_a_filter_that_a_slow_oscillator_drives_is_measured_by_what_it_lets_thro
     assert own.candidates[0].predicted == pytest.approx(0.01, rel=0.05)
 
 
+@pytest.mark.exhaustive
 def test_what_two_compartments_exchange_is_found_in_their_own_volumes() -> None:
     """c1' = -Q (c1 - c2)/V1 - ..., c2' = Q (c1 - c2)/V2: the amount V1 c1 + V2 c2 is slow, by the parameters' names."""
     c1, c2, V1, V2, Q, most, half = sp.symbols("c1 c2 V1 V2 Q most half")
@@ -586,6 +594,7 @@ def test_every_reaction_of_many_is_a_candidate_by_itself() -> None:
     assert not [name for name in names if name.count(" and ") == 1]
 
 
+@pytest.mark.exhaustive
 def test_as_many_directions_as_states_leave_nothing_slow_and_are_no_candidate() -> None:
     """Of 0 <-> x + y and x <-> y together every motion is fast."""
     equations = {"x": "a - b*x*y - c*x + d*y", "y": "a - b*x*y + c*x - d*y"}
@@ -658,6 +667,7 @@ def test_where_only_the_solved_manifold_serves_it_is_what_may_be_left_out(tmp_pa
     assert "Do not reduce" not in done.output
 
 
+@pytest.mark.exhaustive
 def test_a_region_that_a_run_found_is_no_limit_in_the_verdict_either(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two tanks: the reduced run of order 0 leaves the interval of p that the full run keeps to."""
     monkeypatch.setattr(costs, "_seconds", lambda run: float(run().stats.field_calls))
@@ -672,6 +682,7 @@ def test_a_region_that_a_run_found_is_no_limit_in_the_verdict_either(monkeypatch
     assert own.predicted == first.error
 
 
+@pytest.mark.exhaustive
 def test_a_sum_that_is_all_but_conserved_is_no_reduced_model() -> None:
     """Dengue over two years: the people p = S + I + R stay, and the epidemic, which all of it is about, is no layer."""
     rates = {
@@ -696,6 +707,7 @@ def test_the_error_is_told_over_what_it_was_measured_on() -> None:
     assert f"its error over t = {begin:.4g} to {end:.4g} is {found.recommended.error:.2g}" in found.reason
 
 
+@pytest.mark.exhaustive
 def test_the_complex_of_a_total_quasi_steady_state_is_the_fast_variable() -> None:
     """Robertson's b, of which there is 4e-5: what is told of the fast variables is told of it, and not of p - b."""
     rates = {"a": "-k1*a + k3*b*c", "b": "k1*a - k3*b*c - k2*b**2", "c": "k2*b**2"}
@@ -725,6 +737,7 @@ def test_that_nothing_stays_within_the_tolerance_is_said_only_where_it_is_so(err
     assert ("no candidate stays within" in told) is (error > 0.01)
 
 
+@pytest.mark.exhaustive
 def test_what_is_told_of_an_order_is_told_of_its_own_run() -> None:
     """A beam on a stiff contact: the fast pair oscillates to order 0, and only that run goes on for ever."""
     rates = {
@@ -739,6 +752,7 @@ def test_what_is_told_of_an_order_is_told_of_its_own_run() -> None:
         assert np.isnan(each.error) or "does not reach the end" not in each.why_not
 
 
+@pytest.mark.exhaustive
 def test_a_parameter_that_stands_elsewhere_too_is_no_small_parameter() -> None:
     """A resistor and a capacitor: divided by R alone u is 0 to order 0, and R I in its quasi-steady state."""
     rates = {"z": "-I/7200", "u": "(I - u/R)/C", "v": "(I - v/2)/40000"}

@@ -31,6 +31,7 @@ def scene(**changes):
     return sleigh().scene(**(given | changes))
 
 
+@pytest.mark.exhaustive
 def test_the_page_and_its_json_say_whether_and_where_no_slip_fails(tmp_path) -> None:
     """The letting go lies beyond the region, after the constrained run has left it."""
     analysis = gsp.analyse(scene(span=(0, 4)), order=1, orders=(0, 1))

@@ -104,6 +104,7 @@ def test_no_formula_of_a_report_is_cut_and_the_panel_holds_its_sliders(written, 
         page.driver.switch_to.default_content()
 
 
+@pytest.mark.exhaustive
 def test_a_condition_that_fails_leads_to_where_it_fails(written, page) -> None:
     page.open(written(SLOWER))
     place = page.run(

@@ -62,6 +62,7 @@ def test_a_degenerate_nesting_costs_its_section_alone(tmp_path) -> None:
     assert "a time scale is hidden" in content["missing"]["three_scales"]
 
 
+@pytest.mark.exhaustive
 def test_a_report_says_in_which_variables_a_pole_is_simple(tmp_path) -> None:
     x, v, mu = sp.symbols("x v mu")
     field = gsp.VectorField({x: v, v: -(x + v) / mu**2}, epsilon=mu)

@@ -169,6 +169,7 @@ def test_a_piece_beyond_the_exact_algebra_ends_no_search(monkeypatch) -> None:
     assert {(each.vanishing, each.manifold) for each in found} < every
 
 
+@pytest.mark.exhaustive
 def test_a_verdict_or_reduction_beyond_the_exact_algebra_is_told_as_such(monkeypatch) -> None:
     found = small_parameters(mutualism(), kept=["k1", "k2", "k3"], dimensions=[1])
     assert all(each.is_within_reach for each in found)

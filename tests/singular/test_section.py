@@ -221,6 +221,7 @@ def test_where_orbits_beside_the_edge_go_is_told(name: str) -> None:
     assert abs(ends[1] - home) > 0.5
 
 
+@pytest.mark.exhaustive
 def test_an_edge_that_is_a_cycle_is_asked_about_by_a_level() -> None:
     """Inside the cycle |z - l| = 1 the state comes home, beyond it it blows up: where the ramp ends, that decides."""
     offset = x - l

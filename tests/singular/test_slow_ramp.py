@@ -75,6 +75,7 @@ def test_the_rate_of_the_compost_bomb_does_not_depend_on_the_level() -> None:
     assert 0.08848328 < rates[0] < 0.08848335
 
 
+@pytest.mark.exhaustive
 def test_the_compost_bomb_goes_through_a_folded_saddle() -> None:
     """The number is off the series by epsilon^2, as its start is off the slow manifold."""
     found = [warming(epsilon) for epsilon in (0.01, 0.005)]

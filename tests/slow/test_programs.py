@@ -73,6 +73,7 @@ def test_programs_and_polynomials_are_one_series(monkeypatch: pytest.MonkeyPatch
     assert one["x"][-1] == pytest.approx(two["x"][-1], rel=1e-8)
 
 
+@pytest.mark.exhaustive
 def test_positions_and_velocities_have_the_series_of_polynomials_and_are_not_called_singular(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

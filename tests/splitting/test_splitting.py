@@ -164,6 +164,7 @@ def test_integrals_with_logarithms_are_real_on_every_side_of_their_poles(case: s
         assert result.to_raw(result.to_new(point)) == pytest.approx(point)
 
 
+@pytest.mark.exhaustive
 def test_a_logarithm_of_what_is_always_positive_is_left_as_it_is() -> None:
     result = split(field({x: (y - x) * (x**2 + 1) / eps, y: -(y - x) * (x + x**2) / eps + 1}))
     assert result.system is not None
@@ -283,6 +284,7 @@ def test_the_projection_is_one_along_the_fibres_onto_the_manifold() -> None:
     assert sp.cancel((Df * result.reduced_field)[0]) == 0
 
 
+@pytest.mark.exhaustive
 def test_the_projection_holds_for_two_fast_directions_on_the_manifold() -> None:
     # N and f have rank two; off {f = 0} they are not unique, on it they satisfy every identity.
     r1, r2 = x - z**2, y + sp.sin(x) - z
@@ -462,6 +464,7 @@ def test_quotients_that_are_long_over_one_denominator_hide_no_slow_variable() ->
     assert split(field(rates)).system.x == slow
 
 
+@pytest.mark.exhaustive
 def test_long_directions_are_told_in_a_line_each() -> None:
     states = sp.symbols("z0:5")
     layer = [
