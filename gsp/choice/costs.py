@@ -20,6 +20,7 @@ WORTH_IT = 0.9
 DEAR, SURE = 100.0, 2
 
 clock = time.perf_counter
+RESOLUTION = time.get_clock_info("perf_counter").resolution
 
 
 class Cost(StrEnum):
@@ -77,4 +78,5 @@ def _timings(trial: Trial, rounds: Sequence[Sequence[float]]) -> tuple[float, ..
 def _seconds(run: Callable[[], object]) -> float:
     begun = clock()
     run()
-    return clock() - begun
+    # A virtual machine that was moved may have seen no time pass.
+    return max(clock() - begun, RESOLUTION)

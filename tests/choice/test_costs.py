@@ -87,6 +87,14 @@ def test_a_yes_that_does_not_pay_speaks_of_what_costs_least(clock) -> None:
     assert "the reduced flow of order 3" in str(found)
 
 
+def test_a_clock_that_stands_still_ends_no_choice(monkeypatch) -> None:
+    """As one may on a virtual machine: "the computation failed: float division by zero"."""
+    monkeypatch.setattr(costs, "clock", lambda: 0.0)
+    found = choose(models.load("michaelis_menten"), orders=[0])
+    assert all(each.seconds > 0.0 for each in found.candidates)
+    assert found.verdict.sentences
+
+
 def test_what_is_dear_is_run_twice_and_one_slow_run_makes_nothing_dear(clock) -> None:
     quick, hindered, dear = timed(
         [clock.trial(0, *6 * [1.0]), clock.trial(1, 500.0, *5 * [1.5]), clock.trial(2, 400.0, 300.0)]
