@@ -78,5 +78,5 @@ def _timings(trial: Trial, rounds: Sequence[Sequence[float]]) -> tuple[float, ..
 def _seconds(run: Callable[[], object]) -> float:
     begun = clock()
     run()
-    # A virtual machine that was moved may have seen no time pass.
+    # Costs are divided by one another, and a clock that is coarse or stands still says 0.
     return max(clock() - begun, RESOLUTION)

@@ -279,10 +279,12 @@ def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
         return dict(branch.graph)
     system = branch.system
     variables = [*system.y, *system.x]
-    equations = [sp.numer(sp.together(e)) for e in branch.equations]
+    # In an order of their own, so that nothing depends on that in which variables are declared.
+    equations = sorted((sp.numer(sp.together(e)) for e in branch.equations), key=str)
+    size = _size_at(branch)
     graph: dict[sp.Symbol, sp.Expr] = {}
     while equations:
-        found = next(_eliminations(branch, equations, variables, graph), None)
+        found = next(_eliminations(equations, variables, graph, system.x, size), None)
         if found is None:
             break
         symbol, equations, graph = found
@@ -291,28 +293,33 @@ def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
 
 
 def _eliminations(
-    branch: Branch, equations: list[sp.Expr], variables: list[sp.Symbol], graph: dict[sp.Symbol, sp.Expr]
+    equations: list[sp.Expr],
+    variables: list[sp.Symbol],
+    graph: dict[sp.Symbol, sp.Expr],
+    slow: Collection[sp.Symbol],
+    size: Callable[[sp.Symbol, sp.Expr], float],
 ) -> Iterator[tuple[sp.Symbol, list[sp.Expr], dict[sp.Symbol, sp.Expr]]]:
     """(variable, equations left, graph) for every variable that an equation gives, as far as the rest stays short:
-    fast ones first, and none that the others move steeply.
+    fast ones first, and none that the others move steeply by their `size`.
 
     Squares of squares double their degree each time: one more coordinate is cheaper than such a graph.
     """
-    system = branch.system
     candidates = []
     for i, equation in enumerate(equations):
-        gradient = {s: derivative(equation, s) for s in variables}
-        sizes = _sizes(branch, gradient)
-        for symbol, slope in gradient.items():
-            # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there. Nor is it
-            # linear where it stands in a sign too, whose slope is 0.
-            if slope == 0 or slope.has(*variables) or sp.expand(equation - slope * symbol).has(symbol):
-                continue
-            if max((size for s, size in sizes.items() if s != symbol), default=0.0) > STEEP * sizes[symbol]:
-                continue
-            candidates.append(((symbol not in system.x, symbol.name, str(equation)), i, symbol, slope))
-    # By names, the last first: nothing depends on the order in which variables are declared.
-    for _, i, symbol, slope in sorted(candidates, key=lambda candidate: candidate[0], reverse=True):
+        gradient = {s: derivative(equation, s) for s in variables if s in equation.free_symbols}
+        # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there. Nor is it linear
+        # where it stands in a sign too, whose slope is 0.
+        linear = [
+            s for s, slope in gradient.items()
+            if slope != 0 and not slope.has(*variables) and not sp.expand(equation - slope * s).has(s)
+        ]  # fmt: skip
+        sizes = {s: size(s, slope) for s, slope in gradient.items()} if linear else {}
+        candidates += [
+            (s not in slow, s.name, i, s, gradient[s])
+            for s in linear
+            if max(sizes.values()) <= STEEP * sizes[s]
+        ]
+    for _, _, i, symbol, slope in sorted(candidates, key=lambda candidate: candidate[:3], reverse=True):
         value = -equations[i].subs(symbol, 0) / slope
         rest = [e.subs(symbol, value) for j, e in enumerate(equations) if j != i]
         values = {s: v.subs(symbol, value) for s, v in graph.items()}
@@ -321,15 +328,18 @@ def _eliminations(
             yield symbol, [sp.numer(sp.together(e)) for e in rest], {**expanded, symbol: sp.expand(value)}
 
 
-def _sizes(branch: Branch, gradient: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, float]:
-    """How much a unit of each variable changes an equation at the branch's seed, by its gradient."""
+def _size_at(branch: Branch) -> Callable[[sp.Symbol, sp.Expr], float]:
+    """How much a unit of a variable changes an equation at the branch's seed, by its slope there."""
     system = branch.system
-    units = np.concatenate(branch.scales).tolist()
-    place = units if branch.seed is None else np.concatenate(branch.seed).tolist()
+    units = dict(zip(system.states, np.concatenate(branch.scales).tolist()))
+    place = units.values() if branch.seed is None else np.concatenate(branch.seed).tolist()
     at = dict(zip(system.states, map(sp.Float, place))) | dict(system.parameters)
-    sizes = {s: abs(complex(slope.xreplace(at).evalf())) for s, slope in gradient.items()}
-    units_of = dict(zip(system.states, units))
-    return {s: size * units_of[s] if math.isfinite(size) else 0.0 for s, size in sizes.items()}
+
+    def size(symbol: sp.Symbol, slope: sp.Expr) -> float:
+        found = abs(complex(slope.xreplace(at).evalf()))
+        return found * units[symbol] if math.isfinite(found) else 0.0
+
+    return size
 
 
 def _is_short(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> bool:

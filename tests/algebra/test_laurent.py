@@ -30,7 +30,7 @@ quotients = st.builds(lambda n, d, k: n / d * eps**k, polynomials, polynomials.f
 
 
 @given(quotients, quotients, st.integers(-2, 3))
-@settings(max_examples=5)
+@settings(max_examples=10)
 def test_the_coefficients_are_those_of_sympy(left: sp.Expr, right: sp.Expr, order: int) -> None:
     expression = left * right + left - 3 * right
     found = laurent(expression, eps, order=order)

@@ -88,7 +88,7 @@ def test_a_yes_that_does_not_pay_speaks_of_what_costs_least(clock) -> None:
 
 
 def test_a_clock_that_stands_still_ends_no_choice(monkeypatch) -> None:
-    """As one may on a virtual machine: "the computation failed: float division by zero"."""
+    """It ended in "the computation failed: float division by zero"."""
     monkeypatch.setattr(costs, "clock", lambda: 0.0)
     found = choose(models.load("michaelis_menten"), orders=[0])
     assert all(each.seconds > 0.0 for each in found.candidates)
