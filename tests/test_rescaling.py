@@ -33,15 +33,6 @@ REPORTED = ("van_der_pol", "folded_node")
 """A singular orbit that closes, and a fold with a folded node on it."""
 JUDGED = ("check", "folds", "expand", "choose")
 """Of every second scene; of those between, a report tells what is chosen."""
-# Not yet free of units, and where.
-LEFT = {
-    "check": (),
-    "folds": (),
-    "expand": (),
-    "choose": (),
-    # The reduced flow comes to rest in a canard point, or passes it, by rounding.
-    "report": ("laser_feedback",),
-}
 REFERENCE = {"swing_rad": 10.808, "swing_bal": 10.808, "oscillator_mm": float("inf")}
 
 
@@ -70,14 +61,13 @@ def test_neither_units_nor_the_order_of_declaration_nor_what_ran_before_change_a
         assert verdict(other, verb) == expected[verb], verb
     assert {verb: verdict(study, verb) for verb in verbs} == expected
     for verb in verbs:
-        if name not in LEFT[verb]:
-            for powers in (mixed,) if verb == "choose" else (mixed, alike):
-                assert verdict(rescaled(plain, powers), verb) == expected[verb], (verb, powers)
+        for powers in (mixed,) if verb == "choose" else (mixed, alike):
+            assert verdict(rescaled(plain, powers), verb) == expected[verb], (verb, powers)
 
 
 @pytest.mark.parametrize(
     "name",
-    sampled(sorted({*scenes()[1::2], *REPORTED} - {*LEFT["report"]}), always=REPORTED),
+    sampled(sorted({*scenes()[1::2], *REPORTED}), always=REPORTED),
 )
 def test_a_report_says_and_names_the_same_in_other_units(name: str) -> None:
     plain = scene(name)
