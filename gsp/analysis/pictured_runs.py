@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.analysis.fold_surroundings import Boundary
-from gsp.comparison.comparison import on_manifold
+from gsp.comparison.compared_runs import on_manifold
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.attempts import Missing, made

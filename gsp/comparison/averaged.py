@@ -8,16 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.averaging.averaging import Averaging
-from gsp.comparison.comparison import (
-    CHECK,
-    GRID_POINTS,
-    ROUNDING,
-    Comparison,
-    largest_error,
-    run_on,
-    slope,
-    with_rounding,
-)
+from gsp.comparison.compared_runs import CHECK, GRID_POINTS, ROUNDING, largest_error, run_on
+from gsp.comparison.comparison import Comparison, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.systems.arguments import check_noun, check_progress
 from gsp.systems.flow import check_epsilons, check_orders

@@ -2,7 +2,6 @@
 
 The full system starts on M_epsilon over the scene's slow start, so that no initial layer is crossed. A reduced
 field through order N is then in error by O(epsilon^(N+1)) on a time span that does not depend on epsilon.
-On a repelling branch both run backward in time.
 With a correction it starts anywhere, and the reduced runs at the base point of the fast fibre through that start.
 """
 
@@ -14,28 +13,18 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gsp.critical.sampling import Sampler
+from gsp.comparison.compared_runs import RTOL, ComparedRuns, sense
 from gsp.errors import DeclarationError, GspError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
-from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.nested.nesting import Nesting
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.slow.series import SeriesManifold, best_sum
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_epsilons, check_order, check_orders
 from gsp.systems.system import VectorField
-from gsp.systems.tolerances import absolute_tolerance
 
-# The grid on which errors are measured, and the tolerances of the runs compared.
-GRID_POINTS = 49
-RTOL = 1e-12
-# A second full run at this many times the tolerance shows how far the reference itself can be trusted: its error is
-# about proportional to the tolerance, so so many times smaller than the difference, and never below rounding.
-CHECK = 10.0
-ROUNDING = 4 * np.finfo(float).eps
 # Errors must stand this far above the reference's own error to enter a slope.
 CLEARANCE = 30.0
 
@@ -164,65 +153,31 @@ def compare(
     flows = {n: study.reduced(n, reconstructed=False) for n in reached_orders}
     rivals = _rivals(scene, study)
     inner = None if correction is None else _inner(study, correction)
-    direction = sense(study)
     full, slow = (
         (study.system, [x.name for x in study.system.x]) if nesting is None else (nesting.ray, nesting.watched)
     )
     expected = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
+    runs = ComparedRuns(scene, full, slow, flows, rivals, series, inner, sense(study), nesting)
 
     def measured(origin: Mapping[str, float], begins: str = "") -> Comparison:
-        errors: dict[int, list[float]] = {n: [] for n in reached_orders}
-        statuses: dict[int, list[Status]] = {n: [] for n in reached_orders}
-        claimed: dict[str, list[float]] = {name: [] for name in rivals}
-        floor: list[float] = []
+        rows = []
         for i, epsilon in enumerate(ladder):
-            if inner is None:
-                start = slow_start = on_manifold(series, origin, epsilon)
-                first = scene.span[0]
-                last = first + direction * (scene.span[1] - first)
-            else:
-                start = study.start
-                slow_start = {
-                    n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()
-                }
-                first = scene.span[0] + layer_time(inner, scene, epsilon, max(reached_orders))
-                last = scene.span[1]
-            grid = np.linspace(first, last, GRID_POINTS)
-            begin = start if nesting is None else nesting.whole(start, epsilon)
-            if not np.isfinite([*begin.values(), *slow_start.values()]).all():
-                # At so large an epsilon the series leads out of the domain of what it stands in.
-                floor.append(ROUNDING)
-                for n in flows:
-                    errors[n].append(float("nan"))
-                    statuses[n].append(Status.SERIES_ENDS)
-                for name in rivals:
-                    claimed[name].append(float("nan"))
-                continue
-            reference = run_on(full, begin, scene, epsilon, grid)
-            check = run_on(full, begin, scene, epsilon, grid, loosened=CHECK)
-            floor.append(max(largest_error(check, reference, slow) / CHECK, ROUNDING))
-            for n, flow in flows.items():
-                run = run_on(flow, slow_start, scene, epsilon, grid)
-                errors[n].append(largest_error(run, reference, slow))
-                statuses[n].append(run.status if not run.status.ok else reference.status)
-            for name, rival in rivals.items():
-                names = [z.name for z in rival.states]
-                there = {z: float(reference[z][0]) for z in names}
-                run = run_on(rival, there, scene, epsilon, grid, begin=first)
-                claimed[name].append(largest_error(run, reference, names))
+            rows.append(runs.at(epsilon, origin))
             if progress is not None:
                 progress((i + 1) / len(ladder))
+        errors = {n: tuple(row.errors[n] for row in rows) for n in flows}
+        claimed = {name: tuple(row.claimed[name] for row in rows) for name in rivals}
         highest = max(reached_orders)
-        floor = with_rounding(ladder, errors[highest], floor, power=expected[highest])
+        floor = with_rounding(ladder, errors[highest], [row.floor for row in rows], power=expected[highest])
         return Comparison(
             scene=scene,
             epsilons=ladder,
-            errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
+            errors=MappingProxyType(errors),
             slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
             expected=MappingProxyType(expected),
             floor=tuple(floor),
-            statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
-            claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
+            statuses=MappingProxyType({n: tuple(row.statuses[n] for row in rows) for n in flows}),
+            claims=MappingProxyType(claimed),
             claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
             correction=correction,
             ending=ending,
@@ -266,14 +221,6 @@ def _below(nesting: Nesting, orders: tuple[int, ...], correction: int | None) ->
     return below
 
 
-def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: float) -> dict[str, float]:
-    """The point of M_epsilon over the slow part of `start`, by the series at its optimal order."""
-    system = series.branch.system
-    x = {s.name: start[s.name] for s in system.x}
-    y = best_sum(series, x, epsilon)[0][0]
-    return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
-
-
 def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[float]) -> float:
     """Least-squares power of epsilon over the smallest epsilons whose error stands clear of the reference's.
 
@@ -311,14 +258,6 @@ def with_rounding(
     return [*floor[:first], *(max(low, *left) for low in floor[first:])]
 
 
-def sense(study: Study) -> int:
-    """-1 where the branch repels: only backward in time does a full run stay on its slow manifold; else 1."""
-    x = np.array([[study.start[s.name] for s in study.system.x]])
-    y = study.branch.points(x)
-    eigenvalues = Sampler(study.branch).eigenvalues(np.hstack([x, y]))
-    return -1 if (np.real(eigenvalues) > 0).all() else 1
-
-
 def _inner(study: Study, correction: int) -> InnerExpansion:
     inner = expand_inner(study.branch, study.start, order=correction, fast_order=max(correction - 1, 0))
     inner.require(correction)
@@ -328,59 +267,6 @@ def _inner(study: Study, correction: int) -> InnerExpansion:
             "Use correction=None, which starts on the manifold.",
         )
     return inner
-
-
-def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int) -> float:
-    """Slow time until the layer is out of the way of the errors measured."""
-    # With a correction errors are measured after (M + 3) epsilon/gap ln(1/epsilon), M the highest power of
-    # epsilon corrected for: what is left of the layer is then epsilon^2 times smaller than the smallest error
-    # expected.
-    power = min(highest, inner.order) + 3
-    time = power * epsilon / inner.gap * max(float(np.log(1.0 / epsilon)), 1.0)
-    length = scene.span[1] - scene.span[0]
-    if time > 0.5 * length:
-        raise DeclarationError(
-            f"the initial layer takes {time:.3g} of slow time at epsilon = {epsilon:g} (gap {inner.gap:.3g}"
-            f"), more than half of the span {scene.span}.",
-            "Take smaller epsilons or a longer span.",
-        )
-    return time
-
-
-def run_on(
-    flow,
-    start,
-    scene: Scene,
-    epsilon: float,
-    grid,
-    *,
-    loosened: float = 1.0,
-    begin: float | None = None,
-) -> Trajectory:
-    """A run over `grid`, from `begin` or the scene's first time, at the tolerances that are compared."""
-    # A run that leaves a manifold of saddle type ends somewhere; it is not followed for ever.
-    return trajectory_of(
-        flow,
-        start=start,
-        span=(scene.span[0] if begin is None else begin, float(grid[-1])),
-        epsilon=None if flow.epsilon is None else epsilon,
-        rtol=RTOL * loosened,
-        atol=absolute_tolerance(RTOL * loosened, scene.region, scene.start),
-        at=grid,
-        options=RunOptions(stops_at_times=True, max_steps=100_000),
-    )
-
-
-def largest_error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:
-    """Largest |difference| over the grid and the quantities `names`, each relative to its largest value."""
-    if not (run.status.ok and reference.status.ok):
-        return float("nan")
-    worst = 0.0
-    for name in names:
-        expected = reference[name]
-        size = np.abs(expected).max() or 1.0
-        worst = max(worst, float(np.abs(run[name] - expected).max() / size))
-    return worst
 
 
 def _rivals(scene: Scene, study: Study) -> dict[str, VectorField]:

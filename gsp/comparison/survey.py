@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.comparison.comparison import compare, sense
+from gsp.comparison.compared_runs import sense
+from gsp.comparison.comparison import compare
 from gsp.critical.sampling import Sampler
 from gsp.errors import GspError
 from gsp.integration.methods import Method

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gsp.comparison.comparison import layer_time, on_manifold, sense
+from gsp.comparison.compared_runs import layer_time, on_manifold, sense
 from gsp.comparison.peers import PEERS, Peer
 from gsp.comparison.work_runs import (
     WorkCurve,

@@ -7,7 +7,8 @@ import pytest
 import sympy as sp
 
 from gsp import load, models
-from gsp.comparison.comparison import compare, on_manifold, slope, with_rounding
+from gsp.comparison.compared_runs import on_manifold
+from gsp.comparison.comparison import compare, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of

@@ -1,0 +1,171 @@
+"""The runs that are compared: at one epsilon the full system's, on or off the slow manifold, and the reduced ones'.
+
+On a repelling branch both run backward in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsp.critical.sampling import Sampler
+from gsp.errors import DeclarationError, Status
+from gsp.fibres.inner_expansion import InnerExpansion
+from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.nested.nesting import Nesting
+from gsp.scenes.scene import Scene
+from gsp.scenes.study import Study
+from gsp.slow.series import SeriesManifold, best_sum
+from gsp.systems.flow import Flow
+from gsp.systems.system import VectorField
+from gsp.systems.tolerances import absolute_tolerance
+
+# The grid on which errors are measured, and the tolerances of the runs compared.
+GRID_POINTS = 49
+RTOL = 1e-12
+# A second full run at this many times the tolerance shows how far the reference itself can be trusted: its error is
+# about proportional to the tolerance, so so many times smaller than the difference, and never below rounding.
+CHECK = 10.0
+ROUNDING = 4 * np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class RunErrors:
+    """At one epsilon: the error and status of each order's run, the claims' errors, the reference's own error."""
+
+    errors: Mapping[int, float]
+    statuses: Mapping[int, Status]
+    claimed: Mapping[str, float]
+    floor: float
+
+
+@dataclass(frozen=True)
+class ComparedRuns:
+    """What runs at each epsilon: the full system, of which `slow` is compared, the flow of each order, the claims."""
+
+    scene: Scene
+    full: Flow
+    slow: Sequence[str]
+    flows: Mapping[int, ReducedFlow]
+    rivals: Mapping[str, VectorField]
+    series: SeriesManifold
+    inner: InnerExpansion | None
+    direction: int
+    nesting: Nesting | None
+
+    def at(self, epsilon: float, origin: Mapping[str, float]) -> RunErrors:
+        scene, slow = self.scene, self.slow
+        start, slow_start, grid = self._beginning(epsilon, origin)
+        if not np.isfinite([*start.values(), *slow_start.values()]).all():
+            # At so large an epsilon the series leads out of the domain of what it stands in.
+            nothing = float("nan")
+            return RunErrors(
+                dict.fromkeys(self.flows, nothing),
+                dict.fromkeys(self.flows, Status.SERIES_ENDS),
+                dict.fromkeys(self.rivals, nothing),
+                ROUNDING,
+            )
+        reference = run_on(self.full, start, scene, epsilon, grid)
+        check = run_on(self.full, start, scene, epsilon, grid, loosened=CHECK)
+        runs = {n: run_on(flow, slow_start, scene, epsilon, grid) for n, flow in self.flows.items()}
+        claimed = {}
+        for name, rival in self.rivals.items():
+            names = [z.name for z in rival.states]
+            there = {z: float(reference[z][0]) for z in names}
+            run = run_on(rival, there, scene, epsilon, grid, begin=float(grid[0]))
+            claimed[name] = largest_error(run, reference, names)
+        return RunErrors(
+            {n: largest_error(run, reference, slow) for n, run in runs.items()},
+            {n: reference.status if run.status.ok else run.status for n, run in runs.items()},
+            claimed,
+            max(largest_error(check, reference, slow) / CHECK, ROUNDING),
+        )
+
+    def _beginning(
+        self, epsilon: float, origin: Mapping[str, float]
+    ) -> tuple[Mapping[str, float], Mapping[str, float], np.ndarray]:
+        """Where the full run begins, where the reduced ones do, and the times at which they are compared."""
+        first, last = self.scene.span
+        if self.inner is None:
+            start = slow_start = on_manifold(self.series, origin, epsilon)
+            last = first + self.direction * (last - first)
+        else:
+            start = origin
+            slow_start = {
+                n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in self.inner.base.items()
+            }
+            first += layer_time(self.inner, self.scene, epsilon, max(self.flows))
+        begin = start if self.nesting is None else self.nesting.whole(start, epsilon)
+        return begin, slow_start, np.linspace(first, last, GRID_POINTS)
+
+
+def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: float) -> dict[str, float]:
+    """The point of M_epsilon over the slow part of `start`, by the series at its optimal order."""
+    system = series.branch.system
+    x = {s.name: start[s.name] for s in system.x}
+    y = best_sum(series, x, epsilon)[0][0]
+    return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
+
+
+def sense(study: Study) -> int:
+    """-1 where the branch repels: only backward in time does a full run stay on its slow manifold; else 1."""
+    x = np.array([[study.start[s.name] for s in study.system.x]])
+    y = study.branch.points(x)
+    eigenvalues = Sampler(study.branch).eigenvalues(np.hstack([x, y]))
+    return -1 if (np.real(eigenvalues) > 0).all() else 1
+
+
+def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int) -> float:
+    """Slow time until the layer is out of the way of the errors measured."""
+    # With a correction errors are measured after (M + 3) epsilon/gap ln(1/epsilon), M the highest power of
+    # epsilon corrected for: what is left of the layer is then epsilon^2 times smaller than the smallest error
+    # expected.
+    power = min(highest, inner.order) + 3
+    time = power * epsilon / inner.gap * max(float(np.log(1.0 / epsilon)), 1.0)
+    length = scene.span[1] - scene.span[0]
+    if time > 0.5 * length:
+        raise DeclarationError(
+            f"the initial layer takes {time:.3g} of slow time at epsilon = {epsilon:g} (gap {inner.gap:.3g}"
+            f"), more than half of the span {scene.span}.",
+            "Take smaller epsilons or a longer span.",
+        )
+    return time
+
+
+def run_on(
+    flow,
+    start,
+    scene: Scene,
+    epsilon: float,
+    grid,
+    *,
+    loosened: float = 1.0,
+    begin: float | None = None,
+) -> Trajectory:
+    """A run over `grid`, from `begin` or the scene's first time, at the tolerances that are compared."""
+    # A run that leaves a manifold of saddle type ends somewhere; it is not followed for ever.
+    return trajectory_of(
+        flow,
+        start=start,
+        span=(scene.span[0] if begin is None else begin, float(grid[-1])),
+        epsilon=None if flow.epsilon is None else epsilon,
+        rtol=RTOL * loosened,
+        atol=absolute_tolerance(RTOL * loosened, scene.region, scene.start),
+        at=grid,
+        options=RunOptions(stops_at_times=True, max_steps=100_000),
+    )
+
+
+def largest_error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:
+    """Largest |difference| over the grid and the quantities `names`, each relative to its largest value."""
+    if not (run.status.ok and reference.status.ok):
+        return float("nan")
+    worst = 0.0
+    for name in names:
+        expected = reference[name]
+        size = np.abs(expected).max() or 1.0
+        worst = max(worst, float(np.abs(run[name] - expected).max() / size))
+    return worst
