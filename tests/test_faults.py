@@ -12,7 +12,8 @@ import sympy as sp
 from gsp import models
 from gsp.choice import candidates
 from gsp.choice.prediction import Failure, Prediction
-from gsp.comparison.comparison import CHECK, ROUNDING, compare, largest_error
+from gsp.comparison.compared_runs import CHECK, ROUNDING, largest_error
+from gsp.comparison.comparison import compare
 from gsp.critical.critical_manifold import solve_critical
 from gsp.demos import rodas5p_tableau as rodas
 from gsp.errors import ModelFileError, Status
@@ -121,7 +122,7 @@ def test_errors_are_relative_to_the_largest_value_of_each_quantity() -> None:
 
 
 def test_the_floor_of_a_comparison_is_what_a_looser_reference_errs_by(monkeypatch) -> None:
-    import gsp.comparison.comparison as module
+    import gsp.comparison.compared_runs as module
 
     runs, own = [], module.run_on
 

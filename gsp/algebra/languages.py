@@ -67,6 +67,8 @@ XPPAUT = Language(
         "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min",
     },
     "({}^{})".format,
+    # Of a line XPPAUT reads 1024 characters, name and continued lines included.
+    longest=900,
 )  # fmt: skip
 SBML = Language(
     "SBML",

@@ -22,13 +22,14 @@ class Language:
     """How a language writes what SymPy has.
 
     `functions` maps SymPy's names to the language's, `power` writes a base and an exponent, `whole` a whole number, so
-    that the quotient of two of them is not whole.
+    that the quotient of two of them is not whole. `longest` is how many characters an expression may have.
     """
 
     name: str
     functions: Mapping[str, str]
     power: Callable[[str, str], str]
     whole: str = "{}"
+    longest: int | None = None
 
 
 class Printer(CodePrinter):
@@ -49,21 +50,51 @@ class Printer(CodePrinter):
     def steps(
         self, outputs: Sequence[sp.Expr], fresh: Iterator[str]
     ) -> tuple[list[tuple[str, str]], list[str]]:
-        """(intermediate values by name, in order; results): what is used more than once is computed once."""
+        """(intermediate values by name, in order; results): what is used more than once is computed once, and what is
+        too long for the language in parts.
+        """
         # Symbols of the text's own names: what SymPy puts in order is then in the same order every time.
         places = {symbol: sp.Symbol(name) for symbol, name in self._names.items()}
         self._names.update({place: place.name for place in places.values()})
-        symbols = map(sp.Symbol, fresh)
+        symbols = iter(map(sp.Symbol, fresh))
         if any(map(is_shared, outputs)):
             shared, results = named_parts(outputs, symbols, places)
         else:
             placed = [output.xreplace(places) for output in outputs]
             shared, results = sp.cse(placed, symbols=symbols, order="none")
         lines = []
-        for symbol, expression in shared:
+
+        def step(symbol: sp.Symbol, expression: sp.Expr) -> sp.Symbol:
             lines.append((symbol.name, self.text(expression)))
             self._names[symbol] = symbol.name
+            return symbol
+
+        def part(expression: sp.Expr) -> sp.Symbol:
+            return step(next(symbols), expression)
+
+        for symbol, expression in shared:
+            step(symbol, self._in_parts(expression, part))
+        results = [self._in_parts(result, part) for result in results]
         return lines, [self.text(result) for result in results]
+
+    def _in_parts(self, expression: sp.Expr, part: Callable[[sp.Expr], sp.Symbol]) -> sp.Expr:
+        """`expression` with symbols for parts of it, so that it and they are no longer than the language allows."""
+        longest = self._in.longest
+        if longest is None or len(self.text(expression)) <= longest:
+            return expression
+        # Of arguments within half of it the next one fits too.
+        groups: list[list[sp.Expr]] = [[]]
+        room = longest // 2
+        for argument in (self._in_parts(each, part) for each in expression.args):
+            length = len(self.text(argument))
+            if length > room and groups[-1]:
+                groups.append([])
+                room = longest // 2
+            groups[-1].append(part(argument) if length > longest // 2 else argument)
+            room -= min(length, room)
+        if not isinstance(expression, (sp.Add, sp.Mul)):
+            return expression.func(*(argument for group in groups for argument in group))
+        return self._in_parts(expression.func(*(part(expression.func(*group)) for group in groups)), part)
 
     def _print_Symbol(self, expr: sp.Symbol) -> str:
         return self._names[expr]
@@ -120,7 +151,7 @@ class Printer(CodePrinter):
             # Off the switching set, on which no reduced flow is defined.
             return f"(0.5*(1.0 + {self._call('sign', expr.args[0])}))"
         if name in ("asinh", "acosh", "atanh") and name not in self._in.functions:
-            return self.text(expr.rewrite(sp.log))
+            return f"({self.text(expr.rewrite(sp.log))})"
         if len(expr.args) == 1:
             return self._call(name, expr.args[0])
         self._print_not_supported(expr)

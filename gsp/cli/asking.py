@@ -80,6 +80,7 @@ def asks(*names: str, by_two: bool = False, looks: bool = False, tells: bool = F
             fast: str | None = None,
             **others: Any,
         ) -> Any:
+            keep_model(model, others.get("output"))
             with compiled_by_two() if by_two else nullcontext():
                 scene = scene_with_options(load_scene(model), settings, None, intervals, start)
                 scene = taken(scene, small, fast)
@@ -99,6 +100,12 @@ def asks(*names: str, by_two: bool = False, looks: bool = False, tells: bool = F
         return click.argument("model")(command)
 
     return decorate
+
+
+def keep_model(model: str, output: object) -> None:
+    """Refuse to write over the file that the model is read from."""
+    if isinstance(output, Path) and os.path.isfile(output) and os.path.isfile(model) and output.samefile(model):
+        raise DeclarationError("the output would be written over the model.", "Give another path.", got=model)
 
 
 def tell_variables(scene: Scene) -> None:

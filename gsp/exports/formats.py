@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 
 import sympy as sp
 
@@ -83,25 +84,41 @@ def latex_text(model: ReducedModel) -> str:
         )
     names = renamed(model.symbols, reserved=())
     symbols = {s: sp.Symbol(name) for s, name in names.items()}
+    letters = _letters(symbols.values())
     power = symbols[model.epsilon]
+
+    def latex(expression: sp.Expr) -> str:
+        return sp.latex(expression, symbol_names=letters)
+
     rows = []
     for left, variables, terms in (
         (r"\dot{{{}}}", model.states, model.rate_terms),
         ("{}", model.observed, model.manifold_terms),
     ):
         for i, variable in enumerate(variables):
-            start = left.format(sp.latex(symbols[variable])) + " &= "
+            start = left.format(latex(symbols[variable])) + " &= "
             for k, row in enumerate(terms):
                 term = row[i].xreplace(symbols)
                 if term == 0 and (k or any(other[i] != 0 for other in terms)):
                     continue
-                factor = "" if k == 0 else sp.latex(power**k)
-                text = sp.latex(term) if k == 0 else rf"{factor} \left({sp.latex(term)}\right)"
+                factor = "" if k == 0 else latex(power**k)
+                text = latex(term) if k == 0 else rf"{factor} \left({latex(term)}\right)"
                 rows.append(start + text)
                 start = r"&\quad + "
-    values = [f"{sp.latex(symbols[s])} = {sp.latex(v)}" for s, v in model.parameters.items()]
+    values = [f"{latex(symbols[s])} = {latex(v)}" for s, v in model.parameters.items()]
     text = commented(model, names, "% ") + "\\begin{align}\n" + " \\\\\n".join(rows) + "\n\\end{align}\n"
     return text + (f"with ${', '.join(values)}$.\n" if values else "")
+
+
+def _letters(symbols: Iterable[sp.Symbol]) -> dict[sp.Symbol, str]:
+    """A name as SymPy sets it, or as it is spelt where that would be another's, or a rate: xdot is not that of x."""
+    found = {symbol: sp.latex(symbol) for symbol in symbols}
+    often = Counter(found.values())
+    spelt = {symbol: symbol.name.replace("_", r"\_") for symbol in found}
+    return {
+        symbol: rf"\mathrm{{{spelt[symbol]}}}" if often[text] > 1 or "dot{" in text else text
+        for symbol, text in found.items()
+    }
 
 
 FORMATS: Mapping[str, Callable[[ReducedModel], str]] = {

@@ -25,7 +25,11 @@ C_WORDS = {
         "class new this template namespace "
         "private public protected operator delete try catch throw using virtual friend explicit export "
         "mutable typename const_cast and or not xor bitand bitor compl and_eq or_eq not_eq xor_eq NAN INFINITY "
-        "HUGE_VAL linux unix main errno signgam gamma lgamma tgamma erf erfc j0 j1 jn y0 y1 yn"
+        "linux unix main errno signgam gamma lgamma tgamma erf erfc j0 j1 jn y0 y1 yn "
+        # What math.h defines, where it is not asked for the standard alone too.
+        "HUGE_VAL HUGE_VALF HUGE_VALL FP_NAN FP_INFINITE FP_ZERO FP_SUBNORMAL FP_NORMAL FP_ILOGB0 FP_ILOGBNAN "
+        "FP_FAST_FMA FP_FAST_FMAF FP_FAST_FMAL MATH_ERRNO MATH_ERREXCEPT math_errhandling MAXFLOAT SNAN M_E M_LOG2E "
+        "M_LOG10E M_LN2 M_LN10 M_PI M_PI_2 M_PI_4 M_1_PI M_2_PI M_2_SQRTPI M_SQRT2 M_SQRT1_2"
     ),
     *SAME, "pow", "fabs", "fmax", "fmin",
 }  # fmt: skip
@@ -50,9 +54,9 @@ XPPAUT_WORDS = {
         "t pi sin cos tan atan atan2 sinh cosh tanh exp delay ln log log10 heav sign ceil flr ran normal max min erf "
         "erfc mod if then else sum of shift del_shft hom_bcs besselj bessely besseli lgamma not poisson int abs sqrt "
         "asin acos ishift set par param params parameter parameters number num init aux global table markov wiener "
-        "volt volterra bdry bndry solv solve special export vector include options only done p i d b dae"
+        "volt volterra bdry bndry solv solve special export vector include options only done p i d b dae start end"
     ),
-    *(f"arg{k}" for k in range(1, 10)),
+    *(f"arg{k}" for k in range(1, 21)),
 }  # fmt: skip
 # XPPAUT keeps so many characters of a name.
 XPPAUT_NAME = 9

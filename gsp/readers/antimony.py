@@ -7,6 +7,7 @@ write submodels out until memory ends. Files that a text would import are refuse
 from __future__ import annotations
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -44,7 +45,11 @@ except ImportError:
     sys.exit(3)
 answer = {{}}
 if antimony.loadAntimonyString(sys.stdin.buffer.read().decode()) < 0:
-    answer["error"] = antimony.getLastError()
+    try:
+        answer["error"] = antimony.getLastError()
+    except UnicodeDecodeError:
+        # The library cuts what it quotes between the bytes of a letter.
+        answer["error"] = "its library takes no names with letters beyond ASCII"
 else:
     answer["sbml"] = antimony.getSBMLString(antimony.getMainModuleName())
     answer["warnings"] = [antimony.getWarnings(), antimony.getSBMLWarnings(antimony.getMainModuleName())]
@@ -62,6 +67,12 @@ def read_antimony(text: str) -> ForeignModel:
     longest = max(map(len, re.split(r"[;\n]", text)))
     # The library takes quadratic time in a sum.
     at_most(CHARACTERS, longest, "a statement is", "characters long", "Split it.")
+    for found in _NUMBER.finditer(text):
+        # The library takes the exponent for a unit.
+        if not (0 < float(found[0]) < math.inf) and found[1].strip("0."):
+            raise ModelFileError(
+                f"no double holds the number {found[0][:60]}.", "Use one from 1e-300 to 1e300."
+            )
     answer = converted(text)
     model = read_sbml(answer["sbml"], origin="an Antimony file")
     long = [number for number in _NUMBER.findall(text) if significant(number) > DIGITS]

@@ -1,8 +1,8 @@
 """Foreign models, whatever their format: what one says, and the model file in TOML that says the same.
 
 A parameter called epsilon or eps is the small parameter, unless another is named, if it is at most 1/10 and stands as
-a pole or as a factor of a whole rate; else it is a parameter like others, and the model has no small one. Where no rate
-has a pole in it, the file's time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
+a pole or as a factor of a whole rate; else it is a parameter like others, and the model has no small one. Time stays
+the file's own, fast or slow.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import sympy as sp
 from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.errors import ModelFileError, nearest
 from gsp.scenes.scene import Scene
-from gsp.systems.system import SlowFastSystem, VectorField
 
 SMALL = ("epsilon", "eps")
 # A parameter that is larger is not small by its name alone.
@@ -40,8 +39,8 @@ class ForeignModel:
     `states` maps names to rates, `parameters` to numbers, `definitions` heads to expressions, `starts` states to
     numbers; `other_starts` are further ones by name; `bounds` are intervals that no run leaves, and `windows` those
     that the file draws, or that are guessed better here than around the start: they make a region where one is needed;
-    `views` are names of axes with their ranges; `worked_out` maps parameters whose values the file works out once, at
-    the start, to the parameters that these are made of. `understood` and `notes` are for the reader; `small` is set
+    `views` are names of axes with their ranges; `worked_out` maps what the file works out once, at the start, to the
+    names that it is made of. `understood` and `notes` are for the reader; `small` is set
     where the format itself says what is fast.
     """
 
@@ -71,10 +70,12 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
     `read` gives the scene of a model file. Raises `ModelFileError` when `small` can be none.
     """
     name, ordinary = _small(model, small, read)
+    kept_of = {parameter: tuple(_made_of(model, parameter)) for parameter in model.parameters}
+    worked_out = {parameter: words for parameter, words in kept_of.items() if words}
     if name is None:
         notes = [model.understood, *ordinary, *_told(model)]
-        text = _written(model, None, notes, fast_time=False, fast=())
-        return Import(text, notes), read(text)
+        text = _written(model, None, notes, fast=())
+        return Import(text, notes), replace(read(text), worked_out=worked_out)
     kept = _kept(model, name)
     if name not in _reached(model):
         if kept:
@@ -96,33 +97,30 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
         *_told(model),
         "region: what the file says of bounds and windows, else a guess around the start",
     ]
-    scene = read(_written(model, name, notes, fast_time=False, fast=()))
-    fast = _with_poles(scene.system, divided=False)
-    if fast:
-        text = _written(model, name, notes, fast_time=False, fast=fast)
-        # What differs from the text that was read is not read again.
-        return Import(text, notes), replace(scene, region=_region(model, fast))
-    notes.insert(
-        2 + len(ordinary),
-        f"time: no rate has a pole in {name}, so the file's time is the fast one; rates are divided by {name} "
-        "and the span is multiplied by it",
-    )
-    fast = _with_poles(scene.system, divided=True)
-    text = _written(model, name, notes, fast_time=True, fast=fast)
-    return Import(text, notes), read(text)
+    scene = read(_written(model, name, notes, fast=()))
+    system = scene.system
+    assert system.epsilon is not None
+    # Without a pole the file's time is the fast one.
+    slow = any(pole_order(rate, system.epsilon) for rate in system.rates)
+    rates = [rate if slow else rate / system.epsilon for rate in system.rates]
+    fast = [state.name for state, rate in zip(system.states, rates) if pole_order(rate, system.epsilon)]
+    # What differs from the text that was read is not read again.
+    scene = replace(scene, region=_region(model, fast), worked_out=worked_out)
+    return Import(_written(model, name, notes, fast=fast), notes), scene
 
 
 def _told(model: ForeignModel) -> list[str]:
-    """What the file's reader has to say, and what it left out."""
-    return [*model.notes, *(["left out: " + ", ".join(model.left_out)[:300]] if model.left_out else [])]
-
-
-def _with_poles(system: SlowFastSystem | VectorField, *, divided: bool) -> list[str]:
-    """The states whose rates have a pole in epsilon, or get one when they are `divided` by it."""
-    epsilon = system.epsilon
-    assert epsilon is not None
-    rates = [rate / epsilon if divided else rate for rate in system.rates]
-    return [state.name for state, rate in zip(system.states, rates) if pole_order(rate, epsilon) > 0]
+    """What the file's reader has to say, what it worked out once, and what it left out."""
+    once = [
+        f"{word} (of {', '.join(sorted(made_of))})"
+        for word, parts in model.worked_out.items()
+        if (made_of := parts & model.parameters.keys())
+    ]
+    return [
+        *model.notes,
+        *(["worked out once, at the start: " + ", ".join(once)[:300]] if once else []),
+        *(["left out: " + ", ".join(model.left_out)[:300]] if model.left_out else []),
+    ]
 
 
 def counted(number: int, noun: str) -> str:
@@ -159,7 +157,8 @@ def _small(
         if small_name not in model.parameters:
             raise ModelFileError(
                 f"there is no parameter {small_name[:64]!r} to be the small one."
-                + nearest(small_name[:64], model.parameters)
+                + nearest(small_name[:64], model.parameters),
+                f"There are {_others(model, small_name)}.",
             )
         return small_name, []
     called = [name for name in SMALL if name in model.parameters]
@@ -180,10 +179,8 @@ def _why_ordinary(model: ForeignModel, name: str, read: Callable[[str], Scene]) 
     if name not in _reached(model):
         kept = _kept(model, name)
         return "it stands in no rate" + (f", only in values that are worked out once: {kept}" if kept else "")
-    # Read as an ordinary parameter, it may stand anywhere; what stands for epsilon divides every rate.
-    other = fresh_name("epsilon", {*model.parameters, *model.states, *model.observables, *_reached(model)})
-    draft = replace(model, parameters={**model.parameters, other: "1"})
-    system = read(_written(draft, other, (), fast_time=True, fast=())).system
+    # Read as an ordinary parameter, it may stand anywhere.
+    system = read(_written(model, None, (), fast=())).system
     symbol = next(s for s in system.parameters if s.name == name)
     for rate in system.rates:
         wrong = misplaced_epsilon(rate, symbol)
@@ -215,7 +212,11 @@ def _factor(rate: sp.Expr, parameters: Mapping[sp.Symbol, sp.Rational]) -> float
 
 def _kept(model: ForeignModel, name: str) -> str:
     """The values that are worked out once, at the start, and made of `name`."""
-    return ", ".join(word for word, made_of in model.worked_out.items() if name in made_of)[:300]
+    return ", ".join(_made_of(model, name))[:300]
+
+
+def _made_of(model: ForeignModel, name: str) -> list[str]:
+    return [word for word, made_of in model.worked_out.items() if name in made_of]
 
 
 def _others(model: ForeignModel, name: str) -> str:
@@ -235,13 +236,8 @@ def _reached(model: ForeignModel) -> set[str]:
     return reached
 
 
-def _written(
-    model: ForeignModel, small: str | None, notes: Collection[str], *, fast_time: bool, fast: Collection[str]
-) -> str:
+def _written(model: ForeignModel, small: str | None, notes: Collection[str], *, fast: Collection[str]) -> str:
     """The model as TOML."""
-    value = "1" if small is None else model.parameters[small]
-    rates = {name: f"({text})/{small}" if fast_time else text for name, text in model.states.items()}
-    span = f"({model.total})*({value})" if fast_time else model.total
     lines = [
         f"# Read from {model.origin}.",
         *([] if small is None else [f"epsilon = {json.dumps(small)}"]),
@@ -251,7 +247,7 @@ def _written(
         "[parameters]",
     ]
     lines += [f"{name} = {json.dumps(number)}" for name, number in model.parameters.items() if name != small]
-    tables = (("definitions", model.definitions), ("states", rates), ("observables", model.observables))
+    tables = (("definitions", model.definitions), ("states", model.states), ("observables", model.observables))
     for title, table in tables:
         if table:
             lines += [
@@ -270,27 +266,15 @@ def _written(
             f"[starts.{title}]",
             *(f"{name} = {json.dumps(number)}" for name, number in start.items()),
         ]
-
-    def is_time(name: str) -> bool:
-        return name == "t" and name not in model.states
-
     for title, (axes, ranges) in model.views.items():
         lines += ["", f"[views.{title}]", *(f"{axis} = {json.dumps(name)}" for axis, name in zip("xyz", axes))]
-        inner = ", ".join(
-            f"{name} = [{', '.join(_in_time(end, value, slow=fast_time and is_time(name)) for end in ends)}]"
-            for name, ends in ranges.items()
-        )
+        inner = ", ".join(f"{name} = [{', '.join(map(json.dumps, ends))}]" for name, ends in ranges.items())
         lines += [f"ranges = {{{inner}}}"] if inner else []
-    lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]']
-    lines += [] if small is None else [f"epsilon = {json.dumps(value)}"]
+    lines += ["", "[scene]", f'span = ["0", {json.dumps(model.total)}]']
+    lines += [] if small is None else [f"epsilon = {json.dumps(model.parameters[small])}"]
     if model.path is not None:
         lines.append(f"path = {json.dumps(list(model.path))}")
     return "\n".join(lines) + "\n"
-
-
-def _in_time(end: str, small: str, *, slow: bool) -> str:
-    """An end of a range as TOML, `slow` where it is to be in slow time."""
-    return json.dumps(f"({end})*({small})" if slow else end)
 
 
 def _region(model: ForeignModel, fast: Collection[str]) -> dict[str, tuple[float, float]]:

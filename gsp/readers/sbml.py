@@ -10,6 +10,7 @@ delays are refused by name.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from fractions import Fraction
 from typing import Any
 
@@ -76,6 +77,7 @@ class _SbmlReader(Quantities):
             self.assign(identifier, self.written.text(tree))
         for identifier, tree in self.rated.items():
             self.add_state(self.words[identifier], self.written.text(tree), self.values.of(identifier))
+            self.keep(f"the start of {self.words[identifier]}", identifier)
         for identifier in moving:
             self.write_rate(identifier)
         self.write_parameters(moving)
@@ -200,6 +202,12 @@ class _SbmlReader(Quantities):
     def add_state(self, word: str, rate: str, start: sp.Rational) -> None:
         self.result.states[word], self.result.starts[word] = rate, fraction_text(start)
 
+    def keep(self, word: str, *identifiers: str, parts: Collection[str] = ()) -> None:
+        """Say of what `word`, the value of `identifiers` and of these `parts`, is worked out once, at the start."""
+        made_of = self.made_of(*identifiers, *parts) | {self.words[part] for part in parts}
+        if made_of:
+            self.result.worked_out[word] = made_of
+
     def assign(self, identifier: str, text: str) -> None:
         """`text` is what `identifier` is: a definition where it is mentioned, and an observable under its own name."""
         if identifier in self.standing:
@@ -237,6 +245,7 @@ class _SbmlReader(Quantities):
         elif self.is_concentration(identifier):
             text = f"({text})/{self.stands(size)}"
         self.add_state(word, text, self.state_value(identifier))
+        self.keep(f"the start of {word}", identifier)
 
     def write_parameters(self, moving: list[str]) -> None:
         given: dict[str, bool] = {}
@@ -265,26 +274,14 @@ class _SbmlReader(Quantities):
             else:
                 word = self.words[identifier]
                 self.result.parameters[word] = fraction_text(self.values.of(identifier))
-                if identifier in self.initial:
-                    self.result.worked_out[word] = self.made_of(identifier)
-
-    def made_of(self, identifier: str) -> frozenset[str]:
-        """The words of the parameters that the value of `identifier` at the start is worked out of."""
-        found: set[str] = set()
-        waiting = [identifier]
-        while waiting:
-            tree = self.initial.get(name := waiting.pop()) or self.assigned.get(name)
-            new = {part for part in names_in(tree) if part not in found} if tree is not None else set()
-            found |= new
-            waiting += new
-        return frozenset(self.words[part] for part in found if part in self.parameters)
+                self.keep(word, identifier)
 
     def rate_word(self, reaction: str) -> str:
         word = self.words[reaction]
         return f"{word}/{self.result.small}" if self.reactions[reaction].getFast() else word
 
     def conversion_factor(self, species: Any) -> str:
-        identifier = species.getConversionFactor() or self.source.getConversionFactor()
+        identifier = self.factor_of(species)
         return self.stands(identifier) if identifier else ""
 
     def write_laws(self, laws: list[Law]) -> None:
@@ -301,6 +298,10 @@ class _SbmlReader(Quantities):
             )
             word = self.totals[law.species]
             self.result.parameters[word] = fraction_text(total)
+            weighed = [name for name, (text, _) in weights.items() if text]
+            factors = [self.factor_of(self.species[name]) for name in weighed]
+            sizes = [self.species[name].getCompartment() for name in weighed]
+            self.keep(word, *weights, parts={*filter(None, factors), *sizes})
             others = [(c, f"{self.state_word(name)}{weights[name][0]}") for name, c in law.others.items()]
             text = weighted_sum([(Fraction(1), word), *others])
             if weights[law.species][0]:
@@ -315,7 +316,7 @@ class _SbmlReader(Quantities):
         text, value = "", sp.Integer(1)
         if self.is_concentration(identifier) and not self.is_amount_state(identifier):
             text, value = f"*{self.stands(species.getCompartment())}", self.size_of(species)
-        factor = species.getConversionFactor() or self.source.getConversionFactor()
+        factor = self.factor_of(species)
         if factor:
             text, value = f"{text}/{self.stands(factor)}", value / self.values.of(factor)
         return text, value

@@ -35,12 +35,12 @@ _COMPARED = {
 }
 _REFUSED = {
     "AST_FUNCTION_DELAY": "a delay",
-    "AST_FUNCTION_FLOOR": "floor, which jumps",
-    "AST_FUNCTION_CEILING": "ceiling, which jumps",
+    "AST_FUNCTION_FLOOR": "floor, which jumps,",
+    "AST_FUNCTION_CEILING": "ceiling, which jumps,",
     "AST_FUNCTION_FACTORIAL": "a factorial",
-    "AST_FUNCTION_QUOTIENT": "quotient, which jumps",
-    "AST_FUNCTION_REM": "rem, which jumps",
-    "AST_FUNCTION_RATE_OF": "rateOf, the rate of a quantity",
+    "AST_FUNCTION_QUOTIENT": "quotient, which jumps,",
+    "AST_FUNCTION_REM": "rem, which jumps,",
+    "AST_FUNCTION_RATE_OF": "rateOf, the rate of a quantity,",
 }
 
 

@@ -203,6 +203,29 @@ class Quantities:
         compartment = self.compartments[species.getCompartment()]
         return not species.getHasOnlySubstanceUnits() and compartment.getSpatialDimensionsAsDouble() != 0
 
+    def factor_of(self, species: Any) -> str:
+        return species.getConversionFactor() or self.source.getConversionFactor()
+
+    def made_of(self, *identifiers: str) -> frozenset[str]:
+        """The words of what the values of `identifiers` at the start are worked out of."""
+        found: set[str] = set()
+        waiting = list(identifiers)
+        while waiting:
+            tree = self.initial.get(name := waiting.pop()) or self.assigned.get(name)
+            if tree is not None:
+                parts = set(names_in(tree))
+            elif name in self.species and self.is_converted(name):
+                parts = {self.species[name].getCompartment()}
+            else:
+                parts = set()
+            waiting += parts - found
+            found |= parts
+        return frozenset(self.words[part] for part in found if part in self.words)
+
+    def is_converted(self, identifier: str) -> bool:
+        """Whether the value of a species at the start is given as an amount and is a concentration, or the reverse."""
+        return self.species[identifier].isSetInitialAmount() == self.is_concentration(identifier)
+
     def varies(self, compartment: str) -> bool:
         return compartment in self.rated or compartment in self.assigned
 

@@ -143,9 +143,11 @@ def bytes_of(file: Path, *, most: int = BYTES) -> bytes:
     try:
         # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
         if not stat.S_ISREG(file.stat().st_mode):
-            raise ModelFileError("this is no regular file.", "Give the path of a TOML file.")
+            raise ModelFileError("this is no regular file.", "Give the path of a model file.")
         with file.open("rb") as stream:
             data = stream.read(most + 1)
+    except ModelFileError:
+        raise
     except FileNotFoundError:
         if str(file) == file.name:
             # A bare name stands in front of the message already.

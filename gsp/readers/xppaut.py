@@ -11,11 +11,11 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from gsp.errors import ModelFileError
-from gsp.readers.conditions import POSITIVE
 from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
 from gsp.readers.xppaut_arrays import WRITTEN, without_sums, written_out
 from gsp.readers.xppaut_conditions import without_conditions
+from gsp.readers.xppaut_functions import WORDS, Helpers
 from gsp.readers.xppaut_lines import (
     MISSING,
     WORD,
@@ -34,11 +34,12 @@ from gsp.readers.xppaut_order import taken_a_step_late
 TOTAL = "20"
 NAMES = 4000
 
+# Settings of which XPPAUT takes the number that they begin with.
+_NUMBERS = ("total", "t0", "xlo", "xhi", "ylo", "yhi")
 _SETTING = re.compile(rf"({WORD})\s*=\s*([^\s,]+)")
 _VALUE = re.compile(rf"({WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")
 _TOKENS = re.compile(r"[a-z0-9_.]+|[^\sa-z0-9_.]")
 _SET = re.compile(rf"set\w* ({WORD}) ?\{{([^{{}}]*)\}}")
-_WORDS = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
 _NO_FUNCTIONS = {
     **dict.fromkeys(("delay", "del_shft"), "a delay"),
     **dict.fromkeys(("ran", "normal"), "noise"),
@@ -47,12 +48,6 @@ _NO_FUNCTIONS = {
     **dict.fromkeys(("besselj", "bessely", "lgamma"), "a special function"),
     "int": "an integral",
     "hom_bcs": "a boundary condition",
-}
-# What a step is made of, and XPPAUT's jumps: atan(tan(u)) is a line on each period, and mod is at least 0.
-HELPERS = {
-    "positive": (("u",), POSITIVE),
-    "mod": (("u", "w"), "w*(1/2 + atan(tan(pi*(u/w - 1/2)))/pi)"),
-    "flr": (("u",), "u - 1/2 - atan(tan(pi*(u - 1/2)))/pi"),
 }
 
 
@@ -96,7 +91,7 @@ def read_ode(text: str) -> ForeignModel:
         if name in live:
             fail(number, reason, "Remove it.")
         file.left_out.append(f"{name} (line {number})")
-    helpers = _Helpers(model.definitions, taken)
+    helpers = Helpers(model.definitions, taken)
     order = tuple(file.states)
     model.states = {name: _expression(*rate, helpers, order) for name, rate in file.states.items()}
     dropped: set[str] = set(file.missing)
@@ -105,7 +100,7 @@ def read_ode(text: str) -> ForeignModel:
             _check_kept(name, number, text, dropped)
             renamed = {word: fresh_name(word, taken) for word in arguments if word in taken or word == "t"}
             body = _expression(number, text, helpers, order)
-            body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
+            body = WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
             head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
             model.definitions[head] = body
         except ModelFileError as error:
@@ -125,7 +120,7 @@ def read_ode(text: str) -> ForeignModel:
             f"with its arrays and sums written out the file has more than {WRITTEN} characters.",
             "Use fewer members.",
         )
-    used = {word for text in written for word in _WORDS.findall(text)}
+    used = {word for text in written for word in WORDS.findall(text)}
     model.total = file.settings.get("total", TOTAL)
     if "t" in used and "t" not in taken:
         model.states["t"], model.starts["t"] = "1", file.settings.get("t0", "0")
@@ -142,7 +137,7 @@ def _live(file: _File) -> set[str]:
     """The names that the rates use, by way of definitions too."""
     waiting, live = [text for _, text in file.states.values()], set[str]()
     while waiting:
-        for word in set(_WORDS.findall(waiting.pop())) - live:
+        for word in set(WORDS.findall(waiting.pop())) - live:
             live.add(word)
             if word in file.definitions:
                 waiting.append(file.definitions[word][2])
@@ -150,7 +145,7 @@ def _live(file: _File) -> set[str]:
 
 
 def _check_kept(name: str, number: int, text: str, dropped: set[str]) -> None:
-    lost = sorted(dropped & {*_WORDS.findall(text)})
+    lost = sorted(dropped & {*WORDS.findall(text)})
     if lost:
         fail(number, f"{name} uses {lost[0]}, which is left out", "Remove it.")
 
@@ -159,24 +154,6 @@ def _leave_out(file: _File, name: str, error: ModelFileError, dropped: set[str])
     """Leave a quantity out that cannot be read and that no rate needs."""
     dropped.add(name)
     file.left_out.append(f"{name} ({error!s:.100})")
-
-
-class _Helpers:
-    """Functions that a file's own need: they become `definitions` when they are first asked for."""
-
-    def __init__(self, definitions: dict[str, str], taken: set[str]) -> None:
-        self._definitions, self._taken, self._made = definitions, taken, dict[str, str]()
-
-    def name(self, word: str) -> str:
-        """What the helper `word` is called here."""
-        if word not in self._made:
-            self._made[word] = name = word if word not in self._taken else fresh_name(word, self._taken)
-            self._taken.add(name)
-            arguments, body = HELPERS[word]
-            own = {a: a if a not in self._taken else fresh_name(a, self._taken) for a in arguments}
-            head = f"{name}({', '.join(own.values())})"
-            self._definitions[head] = _WORDS.sub(lambda match: own.get(match[0], match[0]), body)
-        return self._made[word]
 
 
 def _read(text: str) -> _File:
@@ -205,7 +182,10 @@ def _take(file: _File, number: int, statement: Statement) -> None:
     kind, name, text, arguments = statement
     match kind:
         case LineKind.SETTINGS:
-            file.settings.update(dict(_SETTING.findall(text)))
+            found = dict(_SETTING.findall(text))
+            file.settings |= {
+                key: number_at(value) if key in _NUMBERS else value for key, value in found.items()
+            }
         case LineKind.PARAMETERS:
             _assign(file, file.parameters, text, number, "a parameter")
         case LineKind.STARTS:
@@ -313,7 +293,7 @@ def _take_windows(file: _File, model: ForeignModel) -> None:
                 model.windows[name] = ends
 
 
-def _expression(number: int, text: str, helpers: _Helpers, order: tuple[str, ...]) -> str:
+def _expression(number: int, text: str, helpers: Helpers, order: tuple[str, ...]) -> str:
     """An expression in the grammar of model files, which is checked when the result is read."""
     if len(text) > CHARACTERS:
         fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
@@ -321,7 +301,7 @@ def _expression(number: int, text: str, helpers: _Helpers, order: tuple[str, ...
         text = without_sums(text, order, longest=CHARACTERS)
     except ModelFileError as error:
         raise error.under(f"line {number}") from None
-    for word in _WORDS.findall(text):
+    for word in WORDS.findall(text):
         if word in _NO_FUNCTIONS:
             fail(
                 number,
@@ -338,7 +318,7 @@ def _expression(number: int, text: str, helpers: _Helpers, order: tuple[str, ...
         raise error.under(f"line {number}") from None
     except RecursionError:
         fail(number, "an expression is nested too deeply", "Remove parentheses.")
-    text = re.sub(r"(?<![a-z0-9_.])(mod|flr)(?=\s*\()", lambda match: helpers.name(match[1]), text)
+    text = helpers.with_jumps(text)
     return re.sub(r"(?<![a-z0-9_.])log10\s*\(", "(1/log(10))*log(", text)
 
 
@@ -387,7 +367,7 @@ def _take_notes(file: _File, model: ForeignModel, late: Mapping[str, str]) -> No
     if file.passed_over:
         model.notes.append("lines that XPPAUT passes over: " + ", ".join(file.passed_over)[:300])
     model.left_out = file.left_out
-    known = ("total", "t0", "xp", "yp", "zp", "axes", "xlo", "xhi", "ylo", "yhi")
+    known = (*_NUMBERS, "xp", "yp", "zp", "axes")
     ignored = [key for key in file.settings if key not in known]
     if ignored:
         model.notes.append("settings left out: " + ", ".join(ignored)[:300])

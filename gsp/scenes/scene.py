@@ -61,6 +61,8 @@ class Scene(Question, Card):
     its value. `contacts` have dry friction, and say whether no-slip holds.
     `ramps` are `gsp.scenes.ramp_question.RampQuestion` by name: how parameters move, and near which edge state.
     `phase` says which states turn fast, `gsp.FastPhase`: what moves slowly is averaged over it.
+    `worked_out` says what a foreign file works out of a parameter once, when it is read: another value of that alone
+    would ask about another model than the file's. It is no part of what the scene asks, and is not written.
 
     Stored: `region` {name: (float, float)}, `start` {state name: float}, `reconstruction_start` {name: float}.
     Raises `DeclarationError`, naming the fact, the value and the remedy.
@@ -94,6 +96,7 @@ class Scene(Question, Card):
     contacts: Contacts | None = None
     ramps: Mapping[str, RampQuestion] = field(default_factory=dict)
     phase: FastPhase | None = None
+    worked_out: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
@@ -144,6 +147,12 @@ class Scene(Question, Card):
         self._set("units", MappingProxyType(_units(self.units, known)))
         self._set("ramps", read_only(checked_ramps(self.ramps, self.system.states, self.system.parameters)))
         self._set("phase", checked_phase(self.phase, states))
+        if not isinstance(self.worked_out, Mapping) or not self.worked_out.keys() <= {
+            s.name for s in self.system.parameters
+        }:
+            raise DeclarationError(
+                "worked_out maps parameters to what is worked out of them.", got=shown(self.worked_out)
+            )
         parameters = [s.name for s in self.system.parameters]
         if check_text(self.second, what="second") and not (self.has_small and self.second in parameters):
             raise DeclarationError.none_of(

@@ -22,8 +22,26 @@ def ask_again(
     and from another of its `starts`.
 
     The ladder of epsilons moves along in proportion. Raises `DeclarationError` for a name that the scene does not
-    have, and where what results is no scene.
+    have, for a parameter of which its file worked something out that is not given too, and where what results is no
+    scene.
     """
+    for name in parameters or {}:
+        if scene.has_small and name == str(scene.system.epsilon):
+            raise DeclarationError(
+                f"{name} is the small parameter, whose value is asked for as epsilon.",
+                "Use --epsilon VALUE, or epsilon=VALUE in Python.",
+            )
+        kept = [word for word in scene.worked_out.get(name, ()) if word not in (parameters or {})]
+        if kept:
+            raise DeclarationError(
+                f"what was worked out of {name} when the file was read would stay as it is: {', '.join(kept)[:300]}.",
+                f"Write the value of {name} into the file"
+                + (
+                    ", or give these values too."
+                    if all(w in map(str, scene.system.parameters) for w in kept)
+                    else "."
+                ),
+            )
     system = scene.system.with_parameters(**parameters) if parameters else scene.system
     states = [state.name for state in scene.system.states]
     for name in region or {}:
@@ -36,6 +54,10 @@ def ask_again(
         raise no_small_parameter(scene, "its value is asked for")
     if epsilon is not None:
         ladder = tuple(value * (epsilon / scene.epsilon) for value in ladder)
+    if start is not None and not scene.starts:
+        raise DeclarationError(
+            "the model has one start only.", "Give it further ones under [starts].", got=f"{start[:80]!r}"
+        )
     if start is not None and start not in scene.starts:
         raise unknown_name(start, scene.starts)
     return scene._from(

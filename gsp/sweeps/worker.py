@@ -45,6 +45,10 @@ class Subject:
             return
         known = self.names
         for name in axes:
+            if scene.has_small and name == str(scene.system.epsilon) and name not in known:
+                raise DeclarationError(
+                    f"{name} is the small parameter, which every sweep calls epsilon.", "Call the axis epsilon."
+                )
             if name not in known:
                 raise DeclarationError.none_of(
                     known, name, f"{name} is no number of the model.", "Its numbers are"

@@ -15,7 +15,7 @@ from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, r
 from gsp.choice.choice import _end_of, choose, select
 from gsp.choice.forecast import forecast_of, layer_left, surface_forecast_of
 from gsp.choice.prediction import Failure
-from gsp.comparison.comparison import on_manifold
+from gsp.comparison.compared_runs import on_manifold
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.integration.methods import choose_method

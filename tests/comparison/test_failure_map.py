@@ -11,7 +11,7 @@ import sympy as sp
 from matplotlib.figure import Figure
 
 from gsp import charts, models
-from gsp.comparison import comparison, survey
+from gsp.comparison import compared_runs, survey
 from gsp.comparison.failure_map import failure_map
 from gsp.comparison.survey import EXPLICIT, IMPLICIT, MANIFOLD, NEWTON, reduced_name, series_name
 from gsp.errors import DeclarationError, GspError
@@ -130,7 +130,7 @@ def test_rows_say_what_was_measured(van_der_pol, tmp_path):
 
 def test_every_run_is_counted_and_its_errors_are_relative(monkeypatch):
     asked = []
-    for module in (comparison, survey):
+    for module in (compared_runs, survey):
 
         def counted(flow, *, _run=module.trajectory_of, **options):
             asked.append(options["atol"] / options["rtol"])

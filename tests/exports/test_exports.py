@@ -1,12 +1,15 @@
 """Exported texts run in their own tools and compute what the package does."""
 
+import itertools
 import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from functools import cache
 from html import unescape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -238,7 +241,7 @@ HOSTILE = 'a "quote" */ #include <x> \\ """ =# alert(1) *\\/ /* //'
 def hostile() -> gsp.Scene:
     """A model whose names are keywords of one language or another, and whose texts try to end a comment."""
     words = [sp.Symbol(name) for name in ("in", "var", "end", "lambda", "np", "slow", "u0", "int", "t")]
-    x, y, epsilon, *parameters = *words, sp.Symbol("_"), sp.Symbol("Q_"), sp.Symbol("q_")
+    x, y, epsilon, *parameters = *words, *map(sp.Symbol, ("_", "Q_", "q_", "FP_NAN", "M_PI", "start", "arg20"))
     rate = -x - sp.sin(x * sum(parameters)) ** 2 / (1 + x**2) - sp.cos(sp.sin(x * sum(parameters)))
     system = gsp.SlowFastSystem(
         slow={x: rate + y}, fast={y: sp.exp(-x) * sp.Rational(1, 3) - y}, epsilon=epsilon,
@@ -438,3 +441,56 @@ def test_coefficients_too_long_for_a_text_are_refused_with_the_order_that_is_not
     with pytest.raises(BudgetError, match=rf"order 1 have up to {sizes[1]} terms.*Export at order 0"):
         gsp.export(made, order=ORDER)
     assert "order 0" in gsp.export(made, order=0)
+
+
+def test_what_a_language_has_no_inverse_function_for_keeps_its_brackets() -> None:
+    x, k = sp.symbols("x k")
+    for expression in (
+        k * sp.atanh(x),
+        -sp.atanh(x) / k,
+        -k * sp.asinh(x) ** 2,
+        sp.acosh(x + 2) - k * sp.atanh(x),
+    ):
+        text = Printer(XPPAUT, {x: "x", k: "k"}).text(expression)
+        found = parse_expression(text.replace("1.0", "1"), symbols={"x": x, "k": k})
+        point = {x: sp.Rational(1, 3), k: 3}
+        assert float(found.subs(point)) == pytest.approx(float(expression.subs(point)), rel=1e-14)
+
+
+@pytest.mark.parametrize("longest", [60, 150, 900])
+def test_what_is_too_long_for_a_line_is_written_in_parts(longest: int) -> None:
+    x, y, k = sp.symbols("x y k")
+    terms = [(k + i) ** 2 * x**i * y / (1 + i * x) for i in range(1, 40)]
+    outputs = [sp.Add(*terms), sp.Mul(*(1 + t for t in terms[:9])) + sp.exp(sp.Add(*terms[20:])), x]
+    names = {x: "x", y: "y", k: "k"}
+    fresh = (f"u{i}" for i in itertools.count())
+    steps, results = Printer(replace(XPPAUT, longest=longest), names).steps(outputs, fresh)
+    assert max(map(len, (*results, *(text for _, text in steps)))) <= longest
+    values: dict[str, Any] = {"x": 0.3, "y": -1.1, "k": 0.7, "exp": np.exp}
+    for name, text in steps:
+        values[name] = eval(text.replace("^", "**"), dict(values))
+    found = [eval(text.replace("^", "**"), dict(values)) for text in results]
+    at = {x: sp.Float("0.3", 30), y: sp.Float("-1.1", 30), k: sp.Float("0.7", 30)}
+    assert found == pytest.approx([float(output.evalf(30, subs=at)) for output in outputs], rel=1e-12)
+
+
+def test_no_two_names_look_alike_in_latex_and_none_like_a_rate() -> None:
+    x, xdot, a, b, eps = sp.symbols("x xdot k1 k_1 epsilon")
+    system = gsp.SlowFastSystem(
+        slow={x: -a * x + b * xdot}, fast={xdot: x - xdot}, epsilon=eps, parameters={a: 1, b: 2}
+    )
+    scene = gsp.Scene(system, {"x": (0.1, 0.8)}, {"x": 0.5, "xdot": 0.5}, (0, 0.1), 0.01)
+    text = gsp.export(scene, order=0, to="latex")
+    assert r"\dot{x} &= - x \left(\mathrm{k1} - \mathrm{k\_1}\right)" in text
+    assert r"\mathrm{xdot} &= x" in text
+    assert r"with $\mathrm{k1} = 1, \mathrm{k\_1} = 2$." in text
+
+
+def test_the_model_is_not_written_over(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    gsp.save(models.load("linear"), path)
+    before = path.read_bytes()
+    result = CliRunner().invoke(cli, ["export", str(path), "-o", str(tmp_path / "." / "m.toml")])
+    assert result.exit_code == 1
+    assert "the output would be written over the model" in str(result.exception)
+    assert path.read_bytes() == before

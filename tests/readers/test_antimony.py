@@ -8,8 +8,9 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.errors import ModelFileError
+from gsp.errors import DeclarationError, ModelFileError
 from gsp.readers.loading import import_model, load_noted
+from gsp.scenes.settings import ask_again
 
 pytest.importorskip("antimony", reason="antimony is not installed")
 pytest.importorskip("libsbml", reason="python-libsbml is not installed")
@@ -104,6 +105,53 @@ def test_rounded_numbers_are_told(tmp_path: Path) -> None:
     path = tmp_path / "model.ant"
     path.write_text(ENZYME.replace("k2 = 5", "k2 = 0.12345678901234567"))
     assert any("rounds numbers to 15 digits: 0.12345678901234567" in note for note in load_noted(path)[1])
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "kept"),
+    [
+        (
+            "compartment c1=1, c2=3; species A in c1, B in c2; A=3; B=0; J: A -> B; k*A*c1; k=.5",
+            "c1",
+            "total_B",
+        ),
+        (
+            "S1 -> S2; k1*S1 - k2*S2; S1 = T - S2; S2 = T/4; T=8; k1=0.1; k2=k1*2",
+            "T",
+            "the start of S2, total_S1",
+        ),
+        ("S1 -> S2; k1*S1 - k2*S2; S1 = 8; S2 = 2; k1=0.1; k2=k1*2", "k1", "k2"),
+        ("compartment c=2; species $A in c; A=c*3; x'=A-x; x=1", "c", "A"),
+    ],
+)
+def test_a_value_is_not_changed_without_what_the_file_works_out_of_it(
+    tmp_path: Path, text: str, name: str, kept: str
+) -> None:
+    (tmp_path / "m.ant").write_text(text, encoding="utf-8")
+    scene = gsp.load(tmp_path / "m.ant")
+    with pytest.raises(DeclarationError, match=f"when the file was read would stay as it is: {kept}."):
+        ask_again(scene, parameters={name: 4})
+    words = kept.split(", ")
+    if all(word in map(str, scene.system.parameters) for word in words):
+        assert ask_again(scene, parameters={name: 4, **dict.fromkeys(words, 1)}).start == scene.start
+    for free in {str(p) for p in scene.system.parameters} - scene.worked_out.keys():
+        assert ask_again(scene, parameters={free: 4}).start == scene.start
+    assert any(
+        note.startswith("worked out once, at the start: ") for note in import_model(tmp_path / "m.ant").notes
+    )
+
+
+@pytest.mark.parametrize("number", ["1e400", "1e-400", "123e400"])
+def test_a_number_that_no_double_holds_is_refused(tmp_path: Path, number: str) -> None:
+    """The library takes its exponent for a unit."""
+    with pytest.raises(ModelFileError, match=f"no double holds the number {number}"):
+        read(tmp_path, f"k = {number}\nx' = -k*x\nx = 1\n")
+    assert read(tmp_path, "k = 0e-400\nx' = -k*x\nx = 1\n").start == {"x": 1.0}
+
+
+def test_a_letter_that_the_library_does_not_take_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ModelFileError, match="takes no names with letters beyond ASCII"):
+        read(tmp_path, "é' = 1\n")
 
 
 def test_values_that_are_made_of_the_small_parameter_once_are_told(tmp_path: Path) -> None:

@@ -16,11 +16,12 @@ from click.testing import CliRunner
 import gsp
 from gsp.cli import cli
 from gsp.errors import GspError, ModelFileError
-from gsp.readers.expressions import parse_expression
 from gsp.readers.foreign import imported
 from gsp.readers.loading import import_model
 from gsp.readers.toml import parsed, scene_of
 from gsp.readers.xppaut import read_ode
+from gsp.scenes.settings import ask_again
+from gsp.scenes.study import study_of
 from tests import xppaut
 
 FILES = sorted((Path(__file__).parent / "xppaut").glob("*.ode"))
@@ -58,16 +59,18 @@ def test_a_file_is_a_scene(tmp_path: Path) -> None:
     assert "renamed" in scene.description
 
 
-def test_time_is_rescaled_where_no_rate_has_a_pole() -> None:
+def test_time_stays_the_files_own_where_no_rate_has_a_pole() -> None:
     path = next(file for file in FILES if file.stem == "fitzhugh_nagumo")
     scene = gsp.load(path)
     v, w, a, b, eps = sp.symbols("v w a b eps")
-    assert sp.expand(scene.system.rates[1] - (v + a - b * w)) == 0
-    assert sp.expand(scene.system.rates[0] - (v - v**3 / 3 - w + sp.Symbol("i")) / eps) == 0
-    assert scene.span == (0.0, 16.0)
+    assert sp.expand(scene.system.rates[1] - eps * (v + a - b * w)) == 0
+    assert sp.expand(scene.system.rates[0] - (v - v**3 / 3 - w + sp.Symbol("i"))) == 0
+    # At any epsilon: 200 of the file's time are 16 of the slow one at 0.08, and 2 at 0.01.
+    assert scene.span == (0.0, 200.0)
+    assert study_of(scene).scene.span == (0.0, 16.0)
+    assert study_of(ask_again(scene, epsilon=0.01)).scene.span == (0.0, 2.0)
     # A guess about a fast state would choose a sheet.
     assert dict(scene.region) == {"w": (-2.0, 1.0)}
-    assert "the file's time is the fast one" in scene.description
 
 
 @pytest.mark.parametrize(
@@ -320,14 +323,17 @@ def test_such_lines_have_xppauts_values() -> None:
     assert ours == pytest.approx(xppaut.values(text, rates, ours), rel=1e-12)
 
 
-def test_a_mod_is_that_of_a_whole_period_and_of_none() -> None:
-    model = read_ode("x'=mod(x,3)\ny'=flr(x)\n")
-    bodies = {head.partition("(")[0]: body for head, body in model.definitions.items()}
-    u, w = sp.symbols("u w")
-    for name, wanted in (("mod", lambda v: v % 3), ("flr", np.floor)):
-        found = sp.lambdify((u, w), parse_expression(bodies[name], symbols={"u": u, "w": w}), "numpy")
-        for value in (-7.25, -3.5, -0.1, 0.0, 0.1, 2.9, 3.25, 1000.4):
-            assert found(value, 3.0) == pytest.approx(wanted(value), abs=1e-11)
+def test_a_mod_is_that_of_a_whole_period_and_of_none_on_its_jumps_too() -> None:
+    text = "par n=5\nx'=mod(x,3)\ny'=flr(x)\nz'=flr(n/2)+mod(6,3)+flr(-3)+mod(-7.5,2)\n"
+    scene = imported(read_ode(text), small=None, read=lambda d: scene_of(parsed(d), Path("jumps.ode")))[1]
+    system = scene.system
+    (x, _, _), (mod, flr, constant) = system.states, (r.xreplace(dict(system.parameters)) for r in system.rates)
+    assert constant == 2 + 0 - 3 + sp.Rational(1, 2)
+    found = sp.lambdify(x, (mod, flr), "numpy")
+    whole, between = np.arange(-30.0, 30.0), np.random.default_rng(0).uniform(-1e4, 1e4, 400)
+    # Those beside which the line it is made of jumps are right too.
+    for value in (*whole, *(whole + 0.5), *(whole + 1 - 1 / np.pi), *between, 1e5, 1e6, -1e6):
+        assert found(float(value)) == pytest.approx((value % 3, np.floor(value)), abs=1e-9 * max(1, abs(value)))
 
 
 def test_what_xppaut_takes_a_step_late_is_where_its_runs_tend() -> None:
@@ -363,3 +369,8 @@ def test_a_comment_in_another_encoding_is_no_hindrance(tmp_path: Path) -> None:
     path.write_bytes(MODEL.format(line="z'=\u00b5").encode("latin-1"))
     with pytest.raises(ModelFileError, match=r"line 4|means nothing"):
         gsp.load(path)
+
+
+def test_what_a_setting_begins_with_is_its_number(tmp_path: Path) -> None:
+    (tmp_path / "m.ode").write_text("x'=-x\ninit x=1\n@ total=30; t0=0\ndone\n")
+    assert gsp.load(tmp_path / "m.ode").span == (0.0, 30.0)

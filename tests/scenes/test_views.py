@@ -149,6 +149,3 @@ def test_plot_settings_of_xppaut_are_a_view() -> None:
     assert views("yp=x") == {"plot": View("t", "x")}
     assert views("xp=nobody,yp=x") == {}
     assert views("total=10") == {}
-    # The file's time is the fast one here, and a view's is the slow one.
-    fast = "par eps=.1\nx'=y-x\ny'=-eps*y\ninit y=1\n@ {}\ndone\n"
-    assert views("xp=t,yp=y,xlo=0,xhi=10", fast)["plot"].ranges["t"] == pytest.approx((0.0, 1.0))

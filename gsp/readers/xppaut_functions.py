@@ -1,0 +1,54 @@
+"""Functions of XPPAUT that model files do not have, as definitions of what they have."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+from gsp.readers.conditions import POSITIVE
+from gsp.readers.foreign import fresh_name
+
+WORDS = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
+_NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*"
+_JUMP_OF_NUMBERS = re.compile(rf"(?<![a-z0-9_.])(mod|flr)\s*\({_NUMBER}(?:,{_NUMBER})?\)")
+# What a step is made of, and XPPAUT's jumps. atan(tan(u)) is a line on each period: `near` is u less the whole number
+# for which it is between 1/pi - 1/2 and 1/pi + 1/2, so that no fraction is at its jump, and `flr` sets that right. What
+# is as near below a whole number as rounding is on it.
+HELPERS = {
+    "positive": (("u",), POSITIVE),
+    "near": (("u",), "(1 + atan(tan(pi*u - 1)))/pi"),
+    "flr": (("u",), "u - near(u) - positive(-near(u) - 1e-15*sqrt(1 + u^2))"),
+    "mod": (("u", "w"), "u - w*flr(u/w)"),
+}
+
+
+class Helpers:
+    """Functions that a file's own need: they become `definitions` when they are first asked for."""
+
+    def __init__(self, definitions: dict[str, str], taken: set[str]) -> None:
+        self._definitions, self._taken, self._made = definitions, taken, dict[str, str]()
+
+    def name(self, word: str) -> str:
+        """What the helper `word` is called here."""
+        if word not in self._made:
+            self._made[word] = name = word if word not in self._taken else fresh_name(word, self._taken)
+            self._taken.add(name)
+            arguments, body = HELPERS[word]
+            own = {a: a if a not in self._taken else fresh_name(a, self._taken) for a in arguments}
+            head = f"{name}({', '.join(own.values())})"
+            own |= {word: self.name(word) for word in set(WORDS.findall(body)) & HELPERS.keys()}
+            self._definitions[head] = WORDS.sub(lambda match: own.get(match[0], match[0]), body)
+        return self._made[word]
+
+    def with_jumps(self, text: str) -> str:
+        """An expression with helpers for `mod` and `flr`, or their values where they are of numbers."""
+        text = _JUMP_OF_NUMBERS.sub(_worked_out, text)
+        return re.sub(r"(?<![a-z0-9_.])(mod|flr)(?=\s*\()", lambda match: self.name(match[1]), text)
+
+
+def _worked_out(found: re.Match[str]) -> str:
+    """`mod` or `flr` of numbers, exactly; as it stands where it is of none or of too many."""
+    u, w = Fraction(found[2]), Fraction(found[3] or 0)
+    if (found[1] == "flr") == (w == 0):
+        return f"({u // 1})" if found[1] == "flr" else f"({u - w * (u // w)})"
+    return found[0]
