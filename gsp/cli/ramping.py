@@ -10,7 +10,7 @@ import click
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, print_json, progress_bar, wrote
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def ramp(scene: Scene, name: str | None, amplitudes: str | None, output: Path | 
         raise DeclarationError.none_of(scene.ramps, name, f"the model has no ramp {name!r}.", "They are")
     factors = None if amplitudes is None else _factors(amplitudes)
     found: dict[str, CriticalRate | RateDiagram] = {}
+    refused: GspError | None = None
     for each, asked in scene.ramps.items():
         if name not in (None, each):
             continue
@@ -57,23 +58,31 @@ def ramp(scene: Scene, name: str | None, amplitudes: str | None, output: Path | 
             "edge": asked.edge or None,
             "epsilon": scene.epsilon,
         }
-        if factors is None:
-            found[each] = critical_rate(scene.system, **question)
-        else:
-            with progress_bar(f"ramp {each}") as show:
-                found[each] = rate_diagram(scene.system, **question, amplitudes=factors, progress=show)
+        try:
+            if factors is None:
+                found[each] = critical_rate(scene.system, **question)
+            else:
+                with progress_bar(f"ramp {each}") as show:
+                    found[each] = rate_diagram(scene.system, **question, amplitudes=factors, progress=show)
+        except GspError as error:
+            # What is known of the other ramps is told first.
+            refused = refused or error.under(f"ramp {each}")
         check_interrupt()
+    if refused is not None and not found:
+        raise refused
     if output is not None:
         picture = charts.drawn(charts.draw(next(iter(found.values()))), output.suffix[1:].lower())
         write_file(picture, output)
         wrote(output)
     if as_json:
         print_json({each: answer.as_json() for each, answer in found.items()})
-        return
-    for each, answer in found.items():
-        click.echo(f"{each}: {answer}")
-    if output is not None:
-        click.echo(f"chart: {output}")
+    else:
+        for each, answer in found.items():
+            click.echo(f"{each}: {answer}")
+        if output is not None:
+            click.echo(f"chart: {output}")
+    if refused is not None:
+        raise refused
 
 
 def _factors(text: str) -> tuple[float, float]:

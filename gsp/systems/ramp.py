@@ -136,12 +136,13 @@ class Ramp(Card):
         return hash((tuple(self.parameters.items()), self.profile, self.ends, self.phase))
 
     def __repr__(self) -> str:
+        return f"Ramp({self})"
+
+    def __str__(self) -> str:
         moved = ", ".join(f"{p} = {e}" for p, e in self.parameters.items())
         last = "without end" if self.ends[1] is None else f"to {self.ends[1]}"
         rho = "r" if self.profile == 1 else f"r*({self.profile})"
-        return f"Ramp({moved}; {self.phase}' = {rho}, from {self.ends[0]} {last})"
-
-    __str__ = __repr__
+        return f"{moved}; {self.phase}' = {rho}, from {self.ends[0]} {last}"
 
 
 def _number(value: Number, what: str) -> sp.Expr:

@@ -126,6 +126,18 @@ def test_what_is_no_ramp_is_refused_by_name(table: str, said: str) -> None:
         read_model(f"{MODEL}\n[ramps.a]\n{table}\n", name="m")
 
 
+def test_a_ramp_that_is_refused_takes_no_other_one_along(tmp_path) -> None:
+    model = tmp_path / "m.toml"
+    bad = '[ramps.bad]\nprofile = "tanh"\nparameters = {l = [0, 3]}\nedge = {x = -50}\n'
+    model.write_text(MODEL + bad + RAMPS)
+    told = CliRunner().invoke(cli, ["ramp", str(model)])
+    assert "steep: tips above the rate" in told.stdout
+    assert told.exit_code == 1
+    assert str(told.exception).startswith("ramp bad: edge is no repelling rest point")
+    alone = CliRunner().invoke(cli, ["ramp", str(model), "--ramp", "bad"])
+    assert (alone.exit_code, alone.stdout) == (1, "")
+
+
 def test_the_command_tells_the_rates(tmp_path) -> None:
     model, chart = tmp_path / "m.toml", tmp_path / "m.svg"
     model.write_text(MODEL + RAMPS)

@@ -244,3 +244,62 @@ def test_an_edge_that_is_a_cycle_is_asked_about_by_a_level() -> None:
     wanted = brentq(beyond, 0.3, 0.9, xtol=1e-14)
     assert [f.rate for f in found] == pytest.approx([wanted] * 2, rel=1e-9)
     assert all(f.verdict is TippingVerdict.ABOVE for f in found)
+
+
+ALLEE = {
+    PREY: 4 * PREY * (1 - PREY) * (PREY - sp.Rational(3, 20))
+    - 3 * PREY * PREDATOR / (2 + sp.Rational(6, 5) * PREY),
+    PREDATOR: 6 * PREY * PREDATOR / (5 + 3 * PREY) - A * PREDATOR,
+}
+
+
+def allee(prey: int = 0, predator: int = 0, *, reverse: bool = False) -> gsp.VectorField:
+    """A predator of prey with an Allee effect, in units of these powers of 10."""
+    units = {PREY: sp.Integer(10) ** prey, PREDATOR: sp.Integer(10) ** predator}
+    back = {z: z * unit for z, unit in units.items()}
+    rates = {z: rate.xreplace(back) / units[z] for z, rate in ALLEE.items()}
+    return gsp.VectorField(
+        dict(reversed(rates.items())) if reverse else rates, epsilon=None, parameters={A: 0.7}
+    )
+
+
+@pytest.mark.parametrize(
+    ("prey", "predator", "reverse"),
+    [(0, 0, False)] + [pytest.param(*case, marks=pytest.mark.exhaustive)
+                       for case in ((0, 0, True), (-3, 0, False), (0, -1, False), (0, 2, True), (3, 3, False))],
+)  # fmt: skip
+def test_what_rounding_decides_is_no_critical_rate(prey: int, predator: int, reverse: bool) -> None:
+    """Where the ramp turns back the rest point does not attract. Slow ramps stay there so long that rounding decides
+    how double precision leaves; with 200 digits 0.002 and 0.003 come back. Beside the edge runs stay off the axis."""
+    field = allee(prey, predator, reverse=reverse)
+    start, edge = {"N": 0.897 * 10.0**-prey, "P": 0.3145 * 10.0**-predator}, {"N": 0.15 * 10.0**-prey, "P": 0}
+    found = gsp.critical_rate(field, ramp=Ramp.there_and_back({A: (0.7, 0.5)}), start=start, edge=edge)
+    assert found.verdict is TippingVerdict.WINDOWS
+    assert found.rates == pytest.approx((0.117666666, 0.240134817), rel=1e-8)
+    assert max(found.errors) < 1e-12
+    for rate, size in ((0.112, 1), (0.122, 0), (0.23, 0), (0.25, 1)):
+        assert found.run(rate, after=3000.0)["N"][-1] * 10.0**prey == pytest.approx(0.8974359 * size, abs=1e-3)
+
+
+def test_a_ramp_to_where_the_rest_point_does_not_attract_always_tips() -> None:
+    start, edge = {"N": 0.897, "P": 0.3145}, {"N": 0.15, "P": 0}
+    found = gsp.critical_rate(allee(), ramp=Ramp.tanh({A: (0.7, 0.5)}), start=start, edge=edge)
+    assert (found.verdict, found.rates) == (TippingVerdict.ALWAYS, ())
+    with pytest.raises(RampError, match="at any rate the state leaves it"):
+        gsp.critical_rate(allee(), ramp=Ramp.tanh({A: (0.7, 0.5)}), start=start, edge={"N": 0.1})
+
+
+def test_among_windows_without_end_no_single_rate_is_the_one_above_which_ramps_tip() -> None:
+    """Lorenz's equations with rho from 4 to 20: between rates that tip others do not, down to the finest."""
+    rho_ = sp.Symbol("R")
+    field = gsp.VectorField(
+        {x: 10 * (y - x), y: x * (rho_ - A) - y, A: x * y - sp.Rational(8, 3) * A},
+        epsilon=None,
+        parameters={rho_: 4},
+    )
+    start = {"x": 8**0.5, "y": 8**0.5, "A": 3}
+    found = gsp.critical_rate(
+        field, ramp=Ramp.tanh({rho_: (4, 20)}), start=start, edge={"x": 0, "y": 0, "A": 0}
+    )
+    assert found.verdict is TippingVerdict.WINDOWS
+    assert "windows between the rates that were tried are not excluded" in found.message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -62,7 +62,7 @@ class CriticalRate(Drawn, Tabular):
 
     @property
     def rate(self) -> float | None:
-        """The least of the rates; None where there is none."""
+        """The least of the rates that were found; None where there is none."""
         return self.rates[0] if self.rates else None
 
     @cached_property
@@ -165,6 +165,10 @@ def critical_rate(
     if not np.isfinite(last.x).all():
         tips, found = _escapes(given, begin, way, last)
         verdict, message = _verdict(tips, len(found))
+        level_of = ", ".join(
+            f"{s.name} = {v:.6g}" for s, v in zip(given.field.states, last.x) if np.isfinite(v)
+        )
+        message += f"; one tips that comes to {level_of}"
         rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
         return CriticalRate(verdict, rates, errors, tuple(found), named, None, message, tips[0], given)
     x_1 = given.rest_point(last.x, last.s)
@@ -183,10 +187,15 @@ def critical_rate(
         )
         raise RampError(f"edge is no {kind} of {_equations(given)}.", remedy, got=_shown(given, last))
     if len(begin.x) == 1:
-        tips, found = one_state.thresholds(given, way, saddle.place)
+        (tips, found), unmatched = one_state.thresholds(given, way, saddle.place), ()
     else:
-        tips, found = section.thresholds(section.Passage(given, begin, saddle), way)
-    verdict, message = _verdict(tips, len(found))
+        if way[-1].s == last.s and not (given.growth(way[-1]) < 0.0).all():
+            text = (
+                "the rest point of the start does not attract where the ramp ends, so that every ramp leaves it"
+            )
+            return CriticalRate(TippingVerdict.ALWAYS, (), (), (), named, None, text, True, given)
+        tips, found, unmatched = section.thresholds(section.Passage(given, begin, saddle), way)
+    verdict, message = _verdict(tips, len(found), unmatched)
     rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
     ended = _named(given, saddle.place)
     return CriticalRate(verdict, rates, errors, tuple(found), named, ended, message, tips[0], given)
@@ -270,8 +279,8 @@ def _escapes(
     """Whether slow ramps pass a level, and fast ones, and the thresholds between."""
     if way[-1].s != last.s or not (given.growth(way[-1]) < 0.0).all():
         raise RampError(
-            "the rest point of the start does not attract as far as the ramp leads, so that a level tells nothing.",
-            f"Name the edge state where it ends, by {', '.join(s.name for s in given.field.states)}.",
+            "the rest point of the start does not attract as far as the ramp leads, so that a level tells nothing: "
+            "at any rate the state leaves it."
         )
     i = int(np.flatnonzero(np.isfinite(last.x))[0])
     return level.thresholds(level.Escape(given, begin, way[-1], (i, float(last.x[i]))))
@@ -294,14 +303,24 @@ def _shown(given: Ramped, place: Place) -> str:
     return ", ".join(f"{name} = {value:.6g}" for name, value in _named(given, place).items())
 
 
-def _verdict(tips: tuple[bool, bool], count: int) -> tuple[TippingVerdict, str]:
-    """From whether slow ramps tip, and fast ones, and the number of rates between."""
+def _verdict(
+    tips: tuple[bool, bool], count: int, unmatched: Sequence[tuple[float, float]] = ()
+) -> tuple[TippingVerdict, str]:
+    """From whether slow ramps tip, and fast ones, the number of rates between, and where one was not found."""
     words = ["tip" if t else "do not tip" for t in tips]
     message = f"slow ramps {words[0]}, fast ones {words[1]}"
+    if unmatched:
+        low, high = unmatched[0][0], unmatched[-1][1]
+        message += (
+            f"; between {low:.3g} and {high:.3g} runs end differently where no orbit from the start meets the edge: "
+            "rounding may decide there, or another edge state"
+        )
     if count % 2 != (tips[0] != tips[1]):
         return TippingVerdict.UNDECIDED, f"{message}: a rate between them was not found"
+    if count == 0 and unmatched:
+        return TippingVerdict.UNDECIDED, message
     if count == 0:
         return (TippingVerdict.ALWAYS if tips[0] else TippingVerdict.NEVER), message
-    if count > 1:
-        return TippingVerdict.WINDOWS, message
+    if count > 1 or unmatched:
+        return TippingVerdict.WINDOWS, f"{message}; windows between the rates that were tried are not excluded"
     return (TippingVerdict.BELOW if tips[0] else TippingVerdict.ABOVE), message

@@ -8,7 +8,8 @@ its growth k. An orbit that passes the edge leaves the section |u| = d after the
     gap(r) = sign(u) exp(-k T)                                                                               (1)
 
 is smooth in r and zero at the critical rates: exp(k T) is what the passage makes of the distance. Its zeros are
-bracketed by runs that end differently.
+bracketed by runs that end differently. Where rounding decides how a run ends, as beside a rest point that no longer
+attracts, its sign is that of a coin.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ DECADES, PER_DECADE = 3, 10
 SETTLING = 40.0
 # A run that ends so near to a rest point, by the distance of the two that the edge divides, ends in it.
 NEAR = 0.1
+# A zero is looked at from these shares of the way to the rates that bracket it: where rounding decides, signs are those
+# of a coin.
+CLOSER = tuple(10.0**-k for k in range(1, 9))
 # Orbits beside the edge begin by this away from it.
 BESIDE = 1e-6
 
@@ -179,24 +183,33 @@ class Passage:
     def _beside(self) -> list[Trajectory]:
         """Runs from beside the edge along its unstable direction, on the lower and the upper side.
 
-        A little towards the start, lest they stay on a plane that is invariant, from which runs of ramps part.
+        As far from it along its stable ones, towards the start, lest they stay on a plane that is invariant, from which
+        runs of ramps part.
         """
         names = [x.name for x in self.given.field.states]
-        scale = float(np.abs(self.edge.v / self.units).max())
         span = (0.0, 2.0 * self._patience([self.begin]))
-        at = self.edge.place.x + BESIDE**1.5 * (self.begin.x - self.edge.place.x)
-        starts = ((at + sign * BESIDE / scale * self.edge.v) / self.units for sign in (-1.0, 1.0))
-        return [trajectory_of(self._fields[1], start=dict(zip(names, start)), span=span) for start in starts]
+        edge, aside = self.edge, self.begin.x - self.edge.place.x
+        aside = aside - edge.v * (edge.w @ aside)
+        along, across = (d * BESIDE / (np.abs(d / self.units).max() or 1.0) for d in (edge.v, aside))
+        starts = ((edge.place.x + across + sign * along) / self.units for sign in (-1.0, 1.0))
+        return [
+            trajectory_of(
+                self._fields[1], start=dict(zip(names, start)), span=span, rtol=FINE, atol=1e-2 * FINE
+            )
+            for start in starts
+        ]
 
     def _rest(self, run: Trajectory) -> np.ndarray | None:
-        """The rest point at which a run has arrived; None where it goes on, or diverges."""
+        """The rest point at which a run has arrived, which attracts; None where it goes on, or diverges."""
         if run.status is not Status.SUCCESS:
             return None
         x = self.units * run.y[: len(self.units), -1]
         at = self.given.rest_point(x, self.edge.place.s)
+        if at is None or not (self.given.growth(Place(self.edge.place.s, at)) < 0.0).all():
+            return None
         # One that turns or drifts far away is as near to some rest point by its distance from the edge.
         whole = min(self._apart(x, self.edge.place.x), self._apart(self.begin.x, self.edge.place.x) or np.inf)
-        return at if at is not None and self._apart(at, x) <= NEAR * whole else None
+        return at if self._apart(at, x) <= NEAR * whole else None
 
     def ending(self, last: Trajectory) -> int:
         """-1 or 1 for the sides of the edge on which a run ends, 0 for elsewhere."""
@@ -263,29 +276,40 @@ class Passage:
         return 0.25 * min(finite) if finite else float(np.abs(self.edge.w) @ self.units)
 
 
-def thresholds(passage: Passage, way: list[Place]) -> tuple[tuple[bool, bool], list[Connection]]:
-    """Whether slow ramps tip, and fast ones, and the connections between the start of `way` and the edge.
+def thresholds(
+    passage: Passage, way: list[Place]
+) -> tuple[tuple[bool, bool], list[Connection], list[tuple[float, float]]]:
+    """Whether slow ramps tip, and fast ones, the connections between the start of `way` and the edge, and the rates
+    between which runs end differently without one.
 
     A ramp tips that ends on another side of the edge than the branch of the start does, or than fast ramps do where
     that branch is lost on the way.
     """
     tried = passage.natural * np.logspace(-DECADES, DECADES, 2 * DECADES * PER_DECADE + 1)
     ends = [passage.ending(passage.runs(rate, FINE)[-1]) for rate in tried]
-    place = way[-1]
-    kept = place.s == passage.edge.place.s and (passage.given.growth(place) < 0.0).all()
-    home = passage.side_of(place.x) if kept else ends[-1]
-    found = [matched(passage, a, b) for a, b, i, j in zip(tried, tried[1:], ends, ends[1:]) if i * j < 0]
-    return (ends[0] != home, ends[-1] != home), [c for c in found if c is not None]
+    home = passage.side_of(way[-1].x) if way[-1].s == passage.edge.place.s else ends[-1]
+    found, unmatched = [], []
+    for a, b, i, j in zip(tried, tried[1:], ends, ends[1:]):
+        one = matched(passage, a, b) if i * j < 0 else None
+        found += [one] if one is not None else []
+        unmatched += [(float(a), float(b))] if one is None and i != j else []
+    return (ends[0] != home, ends[-1] != home), found, unmatched
 
 
 def matched(passage: Passage, a: float, b: float) -> Connection | None:
     """The connection at a rate between a and b, whose runs end on different sides."""
     fine = root(passage.gap, a, b)
-    # Where no run passes near the edge, the ends differ by something else.
-    if fine is None or abs(passage.gap(fine)) == 1.0:
+    # Where no run passes near the edge, the ends differ by something else, and so they do where rounding decides.
+    if fine is None or abs(passage.gap(fine)) == 1.0 or not _changes_once(passage, a, fine, b):
         return None
     near = 1e3 * COARSE * fine
     coarse = root(lambda rate: passage.gap(rate, COARSE), fine - near, fine + near)
     error = near if coarse is None else abs(coarse - fine) + 4.0 * np.finfo(float).eps * fine
     x, s = passage.orbit(fine)
     return Connection(fine, error, s, x)
+
+
+def _changes_once(passage: Passage, a: float, zero: float, b: float) -> bool:
+    """Whether the gap has one sign on each side of its zero, however near."""
+    left, right = ({np.sign(passage.gap(zero + share * (end - zero))) for share in CLOSER} for end in (a, b))
+    return len(left) == len(right) == 1 and left != right
