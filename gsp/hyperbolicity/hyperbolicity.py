@@ -355,7 +355,8 @@ def _conditions(
         r = rates.r(epsilon)
         yield Condition(
             "normal rate dominates",
-            f"normal against tangential rate at epsilon = {epsilon:g}: the r of r-normal hyperbolicity",
+            f"normal against tangential rate at {sampler.branch.system.epsilon} = {epsilon:g}: "
+            "the r of r-normal hyperbolicity",
             r,
             "at least 1 needed for a C^1 manifold",
             r >= 1.0,

@@ -75,7 +75,12 @@ def _final_states(study: Study, **_: object) -> Labels:
     return {"final": {"state": tuple(s.name for s in study.scene.full_flow.states)}}
 
 
-@records("integrate", labels=_final_states, codes={"ending": tuple(status.name for status in Status)})
+@records(
+    "integrate",
+    labels=_final_states,
+    codes={"ending": tuple(status.name for status in Status)},
+    needs_small=False,
+)
 def _record_of_integrate(
     study: Study, epsilon: float, tolerance: float, *, method: str | None = None, max_steps: int = 1_000_000
 ) -> Record:

@@ -94,7 +94,7 @@ def _table_of_orbit_family(family: OrbitFamily) -> Table:
     return Table("OrbitFamily", coordinates, variables, attributes, (orbit,))
 
 
-@records("periodic_orbit", codes={"ending": tuple(status.name for status in Status)})
+@records("periodic_orbit", codes={"ending": tuple(status.name for status in Status)}, needs_small=False)
 def _record_of_periodic_orbit(
     study: Study, epsilon: float, tolerance: float, *, period: float | None = None, backward: bool = False
 ) -> Record:

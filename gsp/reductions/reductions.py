@@ -136,6 +136,7 @@ class Reductions(Card):
             found=tuple(rows.values()),
             recommended=None if recommended is None else rows[recommended],
             nearest=None if self.nearest is None else rows[self.nearest],
+            reason=self.reason if recommended is None else _recommending(self.scene, recommended),
         )
 
     def shown(self) -> Iterator[Reduction]:
@@ -296,6 +297,14 @@ def _separated(found: Iterable[Reduction]) -> list[Reduction]:
     return [e for e in found if e.order in LEADING and e.error <= LARGEST and e.candidate.follows]
 
 
+def _recommending(scene: Scene, recommended: Reduction) -> str:
+    begin, end = recommended.measured
+    return (
+        f"What may be left out: the {recommended.name}, to order {recommended.order}; its error over "
+        f"t = {begin:.4g} to {end:.4g} is {recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
+    )
+
+
 def _reason(
     scene: Scene,
     found: Sequence[Reduction],
@@ -307,12 +316,7 @@ def _reason(
     first, last = scene.span
     over = f"over t = {first:g} to {last:g}"
     if recommended is not None:
-        begin, end = recommended.measured
-        return (
-            f"What may be left out: the {recommended.name}, to order {recommended.order}; its error over "
-            f"t = {begin:.4g} to {end:.4g} is "
-            f"{recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
-        )
+        return _recommending(scene, recommended)
     if nearest is not None:
         corrected = [
             e for e in found if e.name == nearest.name and e.order > nearest.order and e.candidate.follows

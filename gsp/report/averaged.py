@@ -22,7 +22,7 @@ from gsp.scenes.scene import Scene
 
 CAPTIONS = {
     "averaging": "A slow variable from the scene's start along the full run, and its mean.",
-    "error_against_epsilon": "Errors of the averaged runs over epsilon, with the slopes that are fitted and expected.",
+    "error_against_epsilon": "Errors of the averaged runs over the small parameter, with slopes fitted and expected.",
 }
 
 
@@ -55,19 +55,23 @@ def averaged_report(found: Averaging, progress: Callable[[float], object]) -> Sh
     return ShortReport(_page(found, scene, measured, pictures), content, pictures)
 
 
-def answer(scene: Scene, measured: Comparison) -> tuple[str, Markup]:
-    """Whether an averaged run meets the scene's tolerance at its epsilon, and through which order."""
+def answer(scene: Scene, measured: Comparison, epsilon: str) -> tuple[str, Markup]:
+    """Whether an averaged run meets the scene's tolerance at its `epsilon`, as it is set, and through which order."""
     nearest = min(measured.epsilons, key=lambda e: abs(e - scene.epsilon))
     errors = {n: values[measured.epsilons.index(nearest)] for n, values in measured.errors.items()}
-    at = Markup("At an epsilon of {} the error of order {} is {}, and {} is the tolerance.")
+    at = Markup("At {} = {} the error of order {} is {}, and {} is the tolerance.")
     for n, error in errors.items():
         if error <= scene.tolerance:
-            return "Yes", at.format(number(nearest), n, number(error, 2), number(scene.tolerance))
+            return "Yes", at.format(
+                Markup(epsilon), number(nearest), n, number(error, 2), number(scene.tolerance)
+            )
     known = {n: error for n, error in errors.items() if error == error}
     if not known:
         return "Unknown", Markup("no averaged run reached the end.")
     best = min(known, key=lambda n: known[n])
-    return "No", at.format(number(nearest), best, number(known[best], 2), number(scene.tolerance))
+    return "No", at.format(
+        Markup(epsilon), number(nearest), best, number(known[best], 2), number(scene.tolerance)
+    )
 
 
 def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mapping[str, bytes | Missing]) -> str:
@@ -87,7 +91,9 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
     ]
     for k, shifts in enumerate(found.transformation, 1):
         rows += [
-            (row(setting.set.row(s), "<mo>before averaging</mo>"), k, e) for s, e in shifts.items() if e != 0
+            (setting.inline(row(setting.set.row(s), "<mtext>&nbsp;before averaging</mtext>")), k, e)
+            for s, e in shifts.items()
+            if e != 0
         ]
     orders = list(measured.errors)
     return (
@@ -99,7 +105,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
             measured=measured,
             title=scene.title or scene.name or "A system with a fast phase",
             epsilon=setting.inline(epsilon),
-            answer=answer(scene, measured),
+            answer=answer(scene, measured, setting.inline(epsilon)),
             phase=setting.inline(phase),
             slow=setting.names(slow),
             orders=orders,

@@ -21,12 +21,13 @@ class PointVerb:
     """A verb at one point: `record` gives the numbers, `labels` the labels of their axes by variable.
 
     `record` takes the study at the parameters and the start of the point, its epsilon, its tolerance, and the options
-    of the verb. `codes` has the meanings of what is one of a few words.
+    of the verb. `codes` has the meanings of what is one of a few words; `needs_small` that epsilon is not None.
     """
 
     record: Callable[..., Record]
     labels: Callable[..., Labels]
     codes: Mapping[str, tuple[str, ...]]
+    needs_small: bool
 
 
 _given: dict[str, PointVerb] = {}
@@ -37,11 +38,12 @@ def records(
     *,
     labels: Callable[..., Labels] = lambda study, **_: {},
     codes: Mapping[str, tuple[str, ...]] | None = None,
+    needs_small: bool = True,
 ) -> Callable[[Callable[..., Record]], Callable[..., Record]]:
     """Enter the decorated function as what the verb `name` records at a point."""
 
     def enter(record: Callable[..., Record]) -> Callable[..., Record]:
-        _given[name] = PointVerb(record, labels, codes or {})
+        _given[name] = PointVerb(record, labels, codes or {}, needs_small)
         return record
 
     return enter

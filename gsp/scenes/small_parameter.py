@@ -84,8 +84,16 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
     fast = [state for state, rate in rates.items() if divides(rate, symbol)]
     # Of fast states that are not so by themselves slow coordinates are made, which need their bounds.
     unbounded = [state.name for state in fast] if are_fast_by_themselves(rates, symbol, fast) else []
+    # What turns turns fast by the parameter that the scene says, and not by another.
+    phase = scene.phase if symbol == scene.system.epsilon else None
     return replace(
-        plain, system=field, epsilon=value, epsilons=None, region=_bounds(plain, unbounded), **changes
+        plain,
+        system=field,
+        epsilon=value,
+        epsilons=None,
+        region=_bounds(plain, unbounded),
+        phase=phase,
+        **changes,
     )
 
 
@@ -181,10 +189,16 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
         ]
         parameters = system.parameters
     else:
-        said = [f"small parameter: {epsilon} = {scene.epsilon:g}, which divides the rates of {', '.join(fast)}"]
+        slower = not any(divides(rate, epsilon) for rate in before.system.rates)
+        said = [
+            f"small parameter: {epsilon} = {scene.epsilon:g}"
+            + ("" if slower else f", which divides the rates of {', '.join(fast)}")
+        ]
+        if scene.epsilon >= BOOKKEEPING:
+            said.append(f"{epsilon} = {scene.epsilon:g} is not small, and series in it are of no use")
         parameters = {s: v for s, v in system.parameters.items() if s != epsilon}
-        if scene.span != before.span:
-            said.append(explain_slow_time(scene, before))
+        if slower:
+            said.append(f"{explain_slow_time(scene, before)}; fast in that time: {', '.join(fast)}")
         others = [z.name for z, rate in rates.items() if z.name not in fast and rate.has(epsilon)]
         if others:
             said.append(f"{epsilon} stands in the rates of {', '.join(others)} too, and is as small there")

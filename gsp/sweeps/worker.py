@@ -43,6 +43,10 @@ class Subject:
             if is_verb(task):
                 raise DeclarationError(f"{task} is done to a model.", "Give one: model='chaplygin_sleigh'.")
             return
+        if is_verb(task) and not scene.has_small and point_verbs()[task].needs_small:
+            from gsp.scenes.small_parameter import no_small_parameter
+
+            raise no_small_parameter(scene, f"{task} needs one")
         known = self.names
         for name in axes:
             if scene.has_small and name == str(scene.system.epsilon) and name not in known:

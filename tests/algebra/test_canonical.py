@@ -61,6 +61,7 @@ def test_sums_and_products_are_those_of_sympy() -> None:
         assert same(product_of(drawn), sp.Mul(*drawn)), drawn
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("function", thinned(FUNCTIONS, 2))
 def test_functions_are_those_of_sympy(function: type[sp.Function]) -> None:
     parts, chance = [u for u in pool() if u.is_commutative], random.Random(11)

@@ -91,6 +91,7 @@ def test_the_common_factor_is_what_all_components_share() -> None:
 small = st.integers(-2, 2)
 
 
+@pytest.mark.exhaustive
 @given(st.lists(small, min_size=4, max_size=4), st.lists(small, min_size=4, max_size=4))
 @settings(max_examples=25)
 def test_a_layer_with_a_planted_quadratic_integral_gives_it_back(linear: list[int], square: list[int]) -> None:
@@ -106,6 +107,7 @@ def test_a_layer_with_a_planted_quadratic_integral_gives_it_back(linear: list[in
     assert found.has(x) or found.has(y)
 
 
+@pytest.mark.exhaustive
 @given(st.permutations([0, 1, 2]))
 @settings(max_examples=6)
 def test_permuted_states_permute_the_integrals(order: list[int]) -> None:

@@ -20,6 +20,7 @@ WAVES = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("wave", thinned(WAVES, 3))
 def test_mean_and_harmonics_are_those_of_integrals(wave: sp.Expr) -> None:
     ring = FourierRing([x, y], functions=True)

@@ -29,6 +29,7 @@ def nonzero(expression: sp.Expr) -> bool:
 quotients = st.builds(lambda n, d, k: n / d * eps**k, polynomials, polynomials.filter(nonzero), small)
 
 
+@pytest.mark.exhaustive
 @given(quotients, quotients, st.integers(-2, 3))
 @settings(max_examples=10)
 def test_the_coefficients_are_those_of_sympy(left: sp.Expr, right: sp.Expr, order: int) -> None:
@@ -44,6 +45,7 @@ def test_the_coefficients_are_those_of_sympy(left: sp.Expr, right: sp.Expr, orde
     assert all(defect.coeff_monomial(eps**k) == 0 for k in range(order + 1 + valuation + SHIFT))
 
 
+@pytest.mark.exhaustive
 @given(quotients)
 @settings(max_examples=40)
 def test_the_pole_order_is_that_of_the_reduced_fraction(expression: sp.Expr) -> None:

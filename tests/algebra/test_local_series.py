@@ -57,6 +57,7 @@ def test_coefficients_are_derivatives_and_exact(name: str) -> None:
     assert found == {m: c for m, c in by_derivatives(expression, point).items() if c != 0}
 
 
+@pytest.mark.exhaustive
 def test_values_outside_the_field_are_near_and_said_to_be() -> None:
     ring = LocalRing(2, DEGREE)
     expression, point = sp.exp(x) * sp.sin(y) + sp.erf(x * y), {x: 1, y: 2}

@@ -39,6 +39,7 @@ def test_functions_of_a_series_have_the_taylor_coefficients_that_sympy_finds(nam
     check(function(y), inner)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "expression",
     thinned(

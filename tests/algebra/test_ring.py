@@ -35,6 +35,7 @@ def rational_functions(draw: st.DrawFn) -> sp.Expr:
     return sp.sympify(top) / bottom
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=20)
 @given(rational_functions(), rational_functions())
 def test_sums_products_and_derivatives_agree_with_sympy(f: sp.Expr, g: sp.Expr) -> None:
@@ -166,6 +167,7 @@ def test_the_function_that_an_error_names_is_the_first_one_met() -> None:
     assert name == next(str(e) for e in sp.preorder_traversal(f) if isinstance(e, sp.Function))
 
 
+@pytest.mark.exhaustive
 def test_room_is_made_for_as_many_functions_as_are_adjoined() -> None:
     ring = ring_for(x)
     early = read(sp.exp(x) / (1 + sp.exp(x)), ring, {})

@@ -25,6 +25,7 @@ def sleigh():
     return analysis_of("chaplygin_sleigh")
 
 
+@pytest.mark.exhaustive
 def test_every_stage_is_there_and_timed(sleigh) -> None:
     assert set(sleigh.timings) == set(STAGES)
     assert all(seconds >= 0 for seconds in sleigh.timings.values())
@@ -50,6 +51,7 @@ def test_landing_runs_end_on_the_slow_manifold(sleigh) -> None:
         assert distance < 1e-3
 
 
+@pytest.mark.exhaustive
 def test_orders_whose_coefficients_are_too_long_are_not_run() -> None:
     olsen = study_of(load(Path(__file__).parents[1] / "systems" / "olsen.toml"), verb="analyse")
     assert olsen.series(3, symbolic=False).sizes == (3, 50, 915, 4682)
@@ -110,6 +112,7 @@ def test_a_scene_whose_region_holds_a_fold_is_analysed_as_far_as_it_goes(tmp_pat
     assert "does not land" not in page
 
 
+@pytest.mark.exhaustive
 def test_a_saddle_type_scene_is_analysed_without_landing_runs() -> None:
     s, x, y, eps = sp.symbols("s x y epsilon")
     system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=eps)
@@ -148,6 +151,7 @@ def test_a_region_without_slow_bounds_has_a_reason_in_place_of_a_map() -> None:
     assert "no slow variable" in reason
 
 
+@pytest.mark.exhaustive
 def test_progress_names_the_stages_in_order() -> None:
     seen: list[tuple[str, float]] = []
     analyse(models.load("linear"), orders=(0,), progress=lambda stage, share: seen.append((stage, share)))

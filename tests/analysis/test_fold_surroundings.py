@@ -73,6 +73,7 @@ def test_the_parameter_of_a_canard_point_is_not_guessed(shift, parameters) -> No
     assert fold.canard is None
 
 
+@pytest.mark.exhaustive
 def test_folded_singularities_of_a_sheet_are_found() -> None:
     ends = found(models.load("koper"))
     assert {str(point.kind) for point in ends.folded} == {"folded node", "folded focus"}
@@ -161,6 +162,7 @@ def test_what_is_proved_of_a_passage_and_of_a_cycle_by_an_axis_is_told(tmp_path)
     assert 0.42 < low < 0.4225 < high < 0.45
 
 
+@pytest.mark.exhaustive
 def test_a_delay_along_a_graph_is_proved_and_without_a_loss_nothing_is_said() -> None:
     x, y = sp.symbols("x y")
     region = {"y": (-1.0, -0.5), "x": (-0.2, 0.2)}

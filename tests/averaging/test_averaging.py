@@ -99,6 +99,7 @@ def series(expression: sp.Expr, order: int) -> sp.Expr:
     return sp.expand(summed(terms))
 
 
+@pytest.mark.exhaustive
 def test_van_der_pol_has_the_published_limit_cycle() -> None:
     """C. M. Andersen and J. F. Geer, SIAM J. Appl. Math. 42 (1982) 678-693: frequency and amplitude."""
     found = gsp.average(VAN_DER_POL, pair=(u, v), order=3)
@@ -193,6 +194,7 @@ def test_energy_over_frequency_stays_where_the_frequency_moves() -> None:
     assert sp.simplify(change.subs(sp.Abs(w), w)) == 0
 
 
+@pytest.mark.exhaustive
 def test_the_transformed_field_is_the_field_by_a_second_route() -> None:
     """The series put into the equations of motion leaves epsilon^(order + 1), with SymPy's derivatives."""
     found = gsp.average(PULLED, phase=theta, region={"x": (-2, 2)}, order=2)

@@ -35,6 +35,7 @@ def saddle():
     return analyse(saddle_scene())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(models.names(), always=FEW))
 def test_every_chart_that_applies_draws_with_labels(name):
     drawn = charts.applicable(analysis_of(name))
@@ -61,6 +62,7 @@ def test_a_saddle_draws_without_landing_runs(saddle):
         charts.distance(saddle)
 
 
+@pytest.mark.exhaustive
 def test_png_draws_the_figure_and_equal_figures_are_equal_files(tmp_path):
     first, second = (charts.png(charts.time_series(analysis_of("linear"))) for _ in range(2))
     assert first.startswith(b"\x89PNG")
@@ -86,6 +88,7 @@ def test_style_does_not_leak():
     assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.exhaustive
 def test_measured_and_expected_slopes_stand_in_the_legend():
     comparison = analysis_of("michaelis_menten").comparison
     texts = [t.get_text() for t in charts.error_against_epsilon(comparison).get_legend().get_texts()]
@@ -146,6 +149,7 @@ def test_the_axis_of_the_small_parameter_has_its_own_name():
             assert "epsilon" not in said.replace(r"M_\epsilon", "").replace(r"h_\epsilon", ""), chart
 
 
+@pytest.mark.exhaustive
 def test_streamlines_follow_the_field_and_stop_at_rest():
     axes = Figure().add_subplot()
     u = v = np.linspace(-1.0, 1.0, 81)
@@ -331,6 +335,7 @@ def test_the_axis_of_time_scales_ends_where_a_mode_stands_still() -> None:
     assert low < 0.1 < high <= 2000
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("infected", "shrinks"), thinned([(0.1, True), (0, False)], 2))
 def test_full_runs_come_nearer_in_proportion_where_the_limit_is_theirs(infected: float, shrinks: bool) -> None:
     """Without a single one infected the limit stays where it is, and every full run goes off with the virions."""

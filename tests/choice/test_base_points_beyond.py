@@ -36,6 +36,7 @@ def test_a_layer_that_carries_the_start_beyond_its_sheet_is_told() -> None:
     assert "ends at p = -3.75" in choice.verdict.accuracy
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("slow", [0, -1, -20, 20, sp.Rational(1, 1000)])
 @pytest.mark.parametrize("fast", [-1, sp.Rational(-1, 1000), 0])
 def test_no_rate_leaves_nothing_to_divide_by(slow, fast) -> None:

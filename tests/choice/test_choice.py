@@ -1,5 +1,6 @@
 """The model that a scene needs: predicted errors are honest, costs are extrapolated soundly, and full is an answer."""
 
+import itertools
 import json
 import time
 from dataclasses import replace
@@ -117,6 +118,7 @@ FEW = ("chaplygin_sleigh", "michaelis_menten", "koper", "van_der_pol")
 LONG = ("falling_disc", "car")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled([n for n in models.names() if n not in LONG], always=FEW))
 def test_the_prediction_is_honest_on_every_scene(name: str) -> None:
     assert_honest(models.load(name))
@@ -209,6 +211,7 @@ def test_a_reduced_flow_that_serves_part_of_the_span_is_kept_for_simulation() ->
     assert select(candidate(None, 1.0), later, (10, 11))[1] is later[1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name", sampled(["linear", "michaelis_menten", "knife_edge", "koper"], always=["michaelis_menten", "koper"])
 )
@@ -222,6 +225,7 @@ def test_what_is_chosen_meets_the_tolerance_where_it_is_measured(name: str) -> N
     assert choice.piece[1] < choice.scene.span[1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name",
     sampled(
@@ -257,6 +261,17 @@ def test_a_run_of_few_steps_is_timed_whole_and_not_by_a_difference_of_two_pieces
     assert full.seconds == 1.0
 
 
+def test_a_quick_run_is_repeated_and_the_least_of_them_counts(monkeypatch) -> None:
+    now = itertools.accumulate(itertools.cycle([0.0, 3e-4, 0.0, 2e-4]))
+    monkeypatch.setattr(costs, "clock", lambda: next(now))
+    runs: list[None] = []
+    assert costs._seconds(lambda: runs.append(None)) == pytest.approx(2e-4)
+    assert len(runs) == 4
+    monkeypatch.setattr(costs, "clock", itertools.count(0.0, 0.5).__next__)
+    assert costs._seconds(lambda: runs.append(None)) == 0.5
+    assert len(runs) == 5
+
+
 def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkeypatch) -> None:
     monkeypatch.setattr(costs, "_seconds", by_counted_steps)
     monkeypatch.setattr(candidates, "FEW_STEPS", 0)
@@ -288,6 +303,7 @@ def test_a_reduced_run_over_part_of_the_span_is_counted_for_the_whole(monkeypatc
 BENDING = {"f": -x + y**2 / 5, "g": x - y + sp.Rational(3, 10) * x * y}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("region", [(-5, 5), (0.5, 5)], ids=["to the end", "until the region is left"])
 def test_a_choice_does_not_depend_on_when_the_clock_began(region, monkeypatch) -> None:
     monkeypatch.setattr(costs, "_seconds", by_counted_steps)
@@ -348,6 +364,7 @@ def test_the_flows_given_are_those_run_and_readying_them_takes_no_longer_than_it
         assert 0.0 < forecast.preparation[order] < elapsed
 
 
+@pytest.mark.exhaustive
 def test_fast_variables_count_when_asked_for() -> None:
     asked = replace(models.load("michaelis_menten"), tolerance=1e-4)
     slow, both = choose(asked, solve=False), choose(asked, fast=True, solve=False)
@@ -371,6 +388,7 @@ def test_without_a_critical_manifold_the_full_system_is_the_answer() -> None:
     assert "no real zeros" in choice.reason
 
 
+@pytest.mark.exhaustive
 def test_a_fold_ahead_makes_every_reduced_flow_invalid_before_it() -> None:
     asked = replace(
         models.load("van_der_pol"), region={"y": (-2, 2), "x": (-3, 3)}, span=(0, 2), tolerance=1e-3
@@ -391,6 +409,7 @@ def test_a_fold_ahead_makes_every_reduced_flow_invalid_before_it() -> None:
     assert beyond == {"y": pytest.approx(float(run["y"][-1]), rel=1e-12)}
 
 
+@pytest.mark.exhaustive
 def test_leaving_the_region_and_a_long_layer_are_reasons() -> None:
     left = choose(scene(sp.Integer(1), x - y, region={"x": (0, 2)}, start={"x": 1, "y": 0}, tolerance=1e-3))
     assert left.candidates[0].why_not == f"{Failure.REGION} at t = 1"
@@ -411,6 +430,7 @@ def test_a_run_out_of_the_region_by_no_more_than_it_may_be_off_has_not_left_it(
         assert reduced.why_not == f"{Failure.REGION} at t = 1"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("beyond", "leaves"), [(3e-5, False), (3e-3, True)])
 def test_the_same_holds_of_the_solved_manifold(beyond: float, leaves: bool) -> None:
     """A Hill function whose series does not serve; x rises all the time, and the region ends short of where to."""
@@ -490,6 +510,7 @@ def test_a_series_is_not_taken_across_a_kink() -> None:
     assert early.valid
 
 
+@pytest.mark.exhaustive
 def test_a_layer_through_a_kink_is_reduced_and_it_is_told_where_its_series_ends() -> None:
     # The branch is 3/2 - x, and a layer from -1 meets the kink at y = 1/8 at log 4.
     kinks = 1 - y + sp.Abs(y - sp.Rational(1, 8)) - sp.Abs(y - sp.Rational(5, 8)) - x
@@ -549,6 +570,7 @@ def test_only_scenes_are_chosen_for() -> None:
 # -- the solved manifold -------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_the_solved_manifold_serves_where_no_order_is_exact_enough() -> None:
     asked = replace(models.load("michaelis_menten"), tolerance=1e-6)
     choice = choose(asked, orders=(0, 1))
@@ -579,6 +601,7 @@ def test_a_series_that_ends_early_does_not_keep_the_manifold_from_being_solved()
     assert choice.candidates[4].valid
 
 
+@pytest.mark.exhaustive
 def test_the_solved_manifold_serves_a_span_that_is_shorter_than_its_layer_to_rounding() -> None:
     # The run from the start is off the piece under the reduced runs before its layer is below rounding.
     asked = scene(
@@ -614,6 +637,7 @@ def test_a_sheet_that_ends_within_the_margin_is_solved_under_the_runs() -> None:
     assert solved.valid, solved.why_not
 
 
+@pytest.mark.exhaustive
 def test_a_surface_in_machine_code_is_the_interpolant() -> None:
     asked = models.load("koper")
     branch = study_of(asked).branch
@@ -639,6 +663,7 @@ def on_manifold_of(manifold, point: dict[str, float]) -> dict[str, float]:
     return {**point, **{s.name: float(value) for s, value in zip(system.y, height)}}
 
 
+@pytest.mark.exhaustive
 def test_a_manifold_without_a_surface_has_no_flow() -> None:
     branch = study_of(models.load("van_der_pol")).branch
     lost = solve_manifold(branch, region={"y": (-1, 0)}, epsilon=0.01)
@@ -718,6 +743,7 @@ def test_the_coefficients_of_the_critical_manifold_are_those_that_its_interpolan
     assert resting_coefficients(branch, region=region, tolerance=1e-8, enough=3) == 4
 
 
+@pytest.mark.exhaustive
 def test_a_slow_coordinate_of_the_splitting_is_told_with_what_it_is() -> None:
     b, c, epsilon = sp.symbols("b c epsilon")
     exchange = (c - b + b**2 / 4) / epsilon

@@ -87,6 +87,7 @@ def test_a_yes_that_does_not_pay_speaks_of_what_costs_least(clock) -> None:
     assert "the reduced flow of order 3" in str(found)
 
 
+@pytest.mark.exhaustive
 def test_a_clock_that_stands_still_ends_no_choice(monkeypatch) -> None:
     """It ended in "the computation failed: float division by zero"."""
     monkeypatch.setattr(costs, "clock", lambda: 0.0)
@@ -125,6 +126,7 @@ def test_choose_the_report_and_simulate_share_what_was_measured(later, answer, m
     assert (run.reduced_share > 0.5) is (answer is Answer.YES)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["chemostat", "oregonator"])
 def test_one_flow_is_measured_that_of_the_sheet_of_the_scene(name: str) -> None:
     """`choose`, the table of reductions and the pictures run the same flow: a start need not look for its sheet."""

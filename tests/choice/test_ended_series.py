@@ -122,6 +122,7 @@ def test_a_single_order_ahead_that_does_not_differ_tells_nothing(ends) -> None:
     assert measured.predicted < 1e-8
 
 
+@pytest.mark.exhaustive
 def test_the_solved_manifold_serves_where_no_order_tells_its_error(ends) -> None:
     ends(0)
     found = choose(models.load("michaelis_menten"), orders=(0, 1))

@@ -52,6 +52,7 @@ def oscillation():
     return simulate(relaxation(1e-3, 1e-4))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("epsilon", "tolerance"),
     [
@@ -131,6 +132,7 @@ def test_two_fast_variables_and_an_implicit_branch() -> None:
     assert np.abs(run.sample(times)["y"] - reference(scene, times)["y"]).max() < 1e-4
 
 
+@pytest.mark.exhaustive
 def test_a_scene_that_is_reduced_throughout_is_one_piece_and_tells_its_layer() -> None:
     scene = replace(models.load("lindemann"), tolerance=1e-4)
     choice = choose(scene, solve=False)

@@ -21,6 +21,7 @@ ALL = (*CHEAP, "swing", "swing_bal", "swing_rad")
 """Asked at all of them: the generator was refused at 3e-3 to 1e-2 only. Others are asked at every second."""
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(list(SCENES), always=CHEAP))
 def test_a_looser_tolerance_never_turns_a_yes_into_a_no(name: str) -> None:
     scene = models.load(name) if isinstance(SCENES[name], str) else load(SCENES[name])
@@ -31,6 +32,7 @@ def test_a_looser_tolerance_never_turns_a_yes_into_a_no(name: str) -> None:
     assert allowed == sorted(allowed), dict(zip(tolerances, answers))
 
 
+@pytest.mark.exhaustive
 def test_what_tells_an_error_at_one_tolerance_tells_it_at_a_looser_one() -> None:
     # Through a kink the layer's series ends at order 2, so that one run alone tells the error of order 1.
     x, y, epsilon = sp.symbols("x y epsilon")
@@ -47,6 +49,7 @@ def test_what_tells_an_error_at_one_tolerance_tells_it_at_a_looser_one() -> None
     assert [candidate.valid for candidate in found] == [True] * 4
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("jump", [0.0, 12.0])
 def test_the_box_of_the_solved_manifold_has_its_margin_beyond_the_run_and_not_beyond_its_steps(jump) -> None:
     # x = cos t, u = sin t on the slow manifold; a start far off it begins 0.05 jump behind.

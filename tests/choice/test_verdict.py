@@ -138,6 +138,7 @@ def test_without_reduced_candidates_the_obstacle_is_told_and_a_full_run_that_sto
     assert "stopped after 3 points" in verdict_of(one, one, stopped).speed
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name",
     sampled(["linear", "michaelis_menten", "van_der_pol", "chaplygin_sleigh"], always=["chaplygin_sleigh"]),

@@ -83,6 +83,7 @@ def test_demands_move_with_the_power_of_epsilon(van_der_pol):
         assert (claim.holds == (claim.measure <= van_der_pol.tolerances)).all()
 
 
+@pytest.mark.exhaustive
 def test_a_linear_fast_equation_never_fails():
     found = failure_map(scene(-x, x - y, {"x": 1, "y": 1}, {"x": (0.5, 2)}), orders=(0, 1, 2))
     for name in (NEWTON, MANIFOLD, IMPLICIT):
@@ -148,6 +149,7 @@ def test_every_run_is_counted_and_its_errors_are_relative(monkeypatch):
     assert max(asked) < 1.0
 
 
+@pytest.mark.exhaustive
 def test_the_chart_has_both_maps(van_der_pol):
     axes = charts.failure_map(van_der_pol)
     assert len(axes.figure.axes) == 2
@@ -251,6 +253,7 @@ def test_the_legend_lists_what_is_drawn_and_nothing_else(van_der_pol):
     assert labels(easy) <= {"reduced flow of order 0", "stability holds explicit steps back"}
 
 
+@pytest.mark.exhaustive
 def test_a_series_at_rounding_is_not_past_its_optimal_order():
     # h = k x/(1 - epsilon): the series converges, and at these epsilons is at rounding from order 2 or 3 on.
     found = failure_map(

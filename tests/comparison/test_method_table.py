@@ -126,6 +126,7 @@ def test_one_csp_refinement_is_its_closed_form() -> None:
     assert min(abs(complex(root) - found) for root in roots) < 1e-13
 
 
+@pytest.mark.exhaustive
 def test_the_published_errors_on_michaelis_menten_are_reproduced_and_beaten() -> None:
     # Patsatzis, Fabiani, Russo and Siettos (arXiv 2309.07946), kappa = 10, sigma = 100, y in (0, 1): quasi-steady
     # state 8e-2, CSP once 5e-3, series through epsilon^2 1e-3, their network 5e-4. Their largest errors belong to
@@ -187,6 +188,7 @@ def test_a_table_reads_well_and_can_be_written(enzyme: MethodTable) -> None:
         enzyme["CSP 9"]
 
 
+@pytest.mark.exhaustive
 def test_the_series_is_exact_where_the_others_are_not() -> None:
     table = method_table(
         models.load("davis_skodje"),
@@ -201,6 +203,7 @@ def test_the_series_is_exact_where_the_others_are_not() -> None:
     assert table["CSP 1"].fitted == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_a_field_that_is_split_and_two_slow_variables_are_tabulated() -> None:
     table = method_table(
         models.load("chaplygin_sleigh"), epsilons=(0.01, 0.005), orders=(0, 1), refinements=(1,), iterates=(1,)
@@ -305,6 +308,7 @@ def test_a_table_with_singular_matrices_in_it_is_made() -> None:
     assert np.isfinite(table["CSP 2"].errors[-1])
 
 
+@pytest.mark.exhaustive
 def test_the_reference_is_the_route_with_the_smaller_error_and_the_other_one_is_shown() -> None:
     # There the zero-derivative principle is past its optimal truncation at epsilon = 0.005.
     scene = load(Path(__file__).parents[1] / "systems" / "repressilator.toml")
@@ -346,6 +350,7 @@ def test_points_on_both_sides_of_a_change_of_stability_have_no_orbit_segments() 
     assert alone.y[0] == pytest.approx(reference.y[1], abs=2 * (reference.error + alone.error))
 
 
+@pytest.mark.exhaustive
 def test_readying_a_method_takes_no_longer_than_the_table_and_its_points_are_in_the_region() -> None:
     begun = time.perf_counter()
     scene = models.load("michaelis_menten")

@@ -67,6 +67,7 @@ def test_curves_do_not_depend_on_when_the_clock_began():
             assert two.steps == pytest.approx(one.steps, abs=2)
 
 
+@pytest.mark.exhaustive
 def test_every_method_and_every_peer_agree(michaelis_menten):
     labels = [curve.label for curve in michaelis_menten.curves]
     assert labels[: len(Method) + 1] == [*(method.value for method in Method), "default"]

@@ -127,6 +127,7 @@ def test_two_folds_within_one_step_are_both_found() -> None:
     assert sorted(p["y"] for p in curve.special) == pytest.approx([-h, h], abs=1e-12)
 
 
+@pytest.mark.exhaustive
 def test_every_fold_of_random_polynomials_is_found() -> None:
     rng = np.random.default_rng(0)
     for degree in (3, 4, 5, 6, 7):
@@ -155,6 +156,7 @@ def test_a_cusp_is_told_from_a_fold() -> None:
     assert curve.special[0].coefficients["c"] == pytest.approx(-1, abs=1e-12)
 
 
+@pytest.mark.exhaustive
 def test_a_start_at_a_fold_is_a_start_like_any_other() -> None:
     start = {"x": 1.0, "y": -2 / 3}
     both = continue_critical(systems.van_der_pol(), start=start, bounds={"x": (-3, 3)})
@@ -392,6 +394,7 @@ def test_a_curve_through_a_pole_of_the_field_ends_there_without_a_branch_point()
     assert "a pole here" in curve.message
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("direction", [-1, 0, 1])
 def test_a_closed_curve_closes(direction: int) -> None:
     curve = continue_critical(one(ELLIPSE), start={"x": 0, "y": 1}, direction=direction)
@@ -404,6 +407,7 @@ def test_a_closed_curve_closes(direction: int) -> None:
 
 
 # Powers of two, which change no rounding.
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("factors", [(2.0**p, 2.0**q) for p, q in ((13, 0), (0, 13), (13, -13), (-13, 13))])
 def test_the_units_of_the_variables_change_nothing(factors) -> None:
     k, m = (sp.Rational(str(f)) for f in factors)
@@ -467,6 +471,7 @@ def test_a_linear_change_of_the_fast_variables_changes_nothing_on_the_slow_side(
         assert np.sort_complex(q.eigenvalues) == pytest.approx(np.sort_complex(p.eigenvalues), abs=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_both_directions_are_the_two_directions_joined() -> None:
     options = {"start": {"x": 2, "y": 0.6}, "bounds": {"x": (-3, 3)}}
     both = continue_critical(systems.van_der_pol(), **options)
@@ -524,6 +529,7 @@ def test_a_start_on_a_bound_goes_inwards_only() -> None:
     assert [stop.ending for stop in curve.stops] == [Status.BOUND_REACHED] * 2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("g", "start", "ending"),
     [

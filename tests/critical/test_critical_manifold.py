@@ -215,6 +215,7 @@ def test_vertical_pieces_are_kept_apart() -> None:
         solve_critical(one(x))
 
 
+@pytest.mark.exhaustive
 def test_a_factor_common_to_two_equations_is_no_graph() -> None:
     common = SlowFastSystem(slow={x: 1}, fast={y: (y - x) * (z - 1), z: (y - x) * (z + 1)}, epsilon=eps)
     with pytest.raises(BranchError, match="is no graph of y, z"):

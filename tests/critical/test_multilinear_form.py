@@ -46,6 +46,7 @@ def test_a_form_is_what_its_derivatives_say(order: int) -> None:
     assert form(*(vector.real for vector in vectors)).dtype == float
 
 
+@pytest.mark.exhaustive
 def test_what_a_field_does_not_contain_is_not_differentiated(monkeypatch: pytest.MonkeyPatch) -> None:
     # 1.3 million different derivatives of each of 200 equations, of which all but one or none are zero.
     x, *fast = sp.symbols("x, y0:200")

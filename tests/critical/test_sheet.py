@@ -52,6 +52,7 @@ def euler(sheet) -> int:
 # -- curves of folds -------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "start", [{"a": -3, "b": 2, "y": 1}, {"a": -0.8, "b": 0.1, "y": 0.4}, {"a": 0, "b": 0, "y": 0}]
 )
@@ -68,6 +69,7 @@ def test_the_curve_of_folds_of_the_cusp(start) -> None:
     assert (np.diff(folds.arclength) > 0).all()
 
 
+@pytest.mark.exhaustive
 def test_the_curve_of_folds_of_fitzhugh_nagumo_over_w_and_the_current() -> None:
     system = SlowFastSystem(
         slow={w: v - w}, fast={v: v - v**3 / 3 - w + current}, epsilon=eps, parameters={current: 0.5}
@@ -101,6 +103,7 @@ def test_a_bogdanov_takens_point_is_told_from_a_cusp() -> None:
     assert np.abs(point.eigenvalues).max() < 1e-6
 
 
+@pytest.mark.exhaustive
 def test_a_closed_curve_of_folds_closes() -> None:
     folds = continue_folds(over(1 - a**2 - 2 * b**2 - y**2), start={"a": 0.9, "b": 0, "y": 0})
     assert folds.status is Status.CLOSED
@@ -108,6 +111,7 @@ def test_a_closed_curve_of_folds_closes() -> None:
     assert np.abs(folds["y"]).max() < 1e-12
 
 
+@pytest.mark.exhaustive
 def test_the_units_of_the_variables_do_not_move_the_folds() -> None:
     k = 10**4
     scaled = over((y / k) ** 3 + a * y / k + b * k)
@@ -152,6 +156,7 @@ def cusp_sheet():
     return critical_sheet(CUSP, start={"a": -1, "b": 0, "y": 1}, bounds=BOX, resolution=16)
 
 
+@pytest.mark.exhaustive
 def test_the_sheet_of_the_cusp_is_on_the_manifold_and_in_the_box(cusp_sheet) -> None:
     sheet = cusp_sheet
     assert sheet.status is Status.COMPLETE
@@ -261,6 +266,7 @@ def test_sheets_that_cross_have_no_fold_there() -> None:
     assert [float(fold["a"].mean()) for fold in apart.folds] == pytest.approx([2e-3], abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_in_two_fast_variables_is_the_same_in_disguise() -> None:
     sheet = critical_sheet(
         DISGUISED,

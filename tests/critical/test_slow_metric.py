@@ -50,6 +50,7 @@ def test_no_metric_tried_at_random_does_better() -> None:
     assert found >= frozen_rates(A).max()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("size", [2, 4, MOST_COUPLED + 3])
 @pytest.mark.parametrize("power", [3, 6])
 def test_units_and_order_change_no_rate(size: int, power: int) -> None:

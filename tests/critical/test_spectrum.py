@@ -42,6 +42,7 @@ def unimodular(size: int, seed: int) -> sp.Matrix:
     return result
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("size", "above"),
     thinned([(4, 1000), (3, 10**5), (4, 100), (2, 10**6), (6, 100), (8, 100)], 3),
@@ -63,6 +64,7 @@ def test_a_jordan_block_in_other_coordinates_has_the_same_gap(seed) -> None:
     assert found.losses == ()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("decades", thinned([6, 9, 10, 11, 14, 20, 50], 2))
 def test_rates_far_apart_are_rates(decades) -> None:
     found = verdict(sp.Matrix([[-1, 0], [1, -(10**decades)]]), epsilon=0.01)

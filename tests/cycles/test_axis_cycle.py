@@ -46,6 +46,7 @@ def test_a_predator_without_prey_comes_back(orbit: gsp.SingularOrbit) -> None:
     assert found.plot().patches
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("small", sampled(np.geomspace(1e-8, 0.02, 10).tolist(), always=[1e-8, 0.02]))
 def test_a_cycle_computed_in_logarithms_is_within_what_is_proved(
     orbit: gsp.SingularOrbit, small: float
@@ -65,6 +66,7 @@ def test_a_cycle_computed_in_logarithms_is_within_what_is_proved(
 SMALL = np.geomspace(1e-8, 0.02, 10).tolist()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "small", [pytest.param(v, marks=() if v == SMALL[6] else pytest.mark.exhaustive) for v in SMALL]
 )

@@ -51,6 +51,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "small"),
     [
@@ -77,6 +78,7 @@ def test_a_computed_cycle_and_the_law_of_the_period_are_within_what_is_proved(na
         assert last[0] < high < last[1]
 
 
+@pytest.mark.exhaustive
 def test_the_second_route_has_the_periods_of_the_literature() -> None:
     """The period at mu = 10 of van der Pol's equation in docs/relaxation.md, found by collocation in doubles."""
     cycle = computed_cycle(van_der_pol_field, 1e-2, (0.3, 1.9), 0.0)

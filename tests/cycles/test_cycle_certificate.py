@@ -141,6 +141,7 @@ def test_a_canard_window_is_undecided(small: float) -> None:
     assert cycle.verdict is gsp.ProofVerdict.UNDECIDED
 
 
+@pytest.mark.exhaustive
 def test_a_cycle_within_a_cycle_is_not_called_unique() -> None:
     field = EnclosedField.of(two_cycles())
     inside, outside = (Outliner(field, frames_of(orbit_of(two_cycles(), u, 0.5)), 1e-4) for u in (1.2, 2.8))
@@ -174,6 +175,7 @@ def test_the_annuli_are_drawn_about_the_orbit() -> None:
         assert bottom < y.min() < y.max() < top
 
 
+@pytest.mark.exhaustive
 def test_a_report_says_what_is_proved_of_its_cycle() -> None:
     study = gsp.analyse(gsp.models.load("van_der_pol"))
     cycle = study.boundary.cycle

@@ -91,6 +91,7 @@ FOLDS: dict[str, tuple[gsp.SlowFastSystem, tuple[float, float], float, Field]] =
 EPSILONS = [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2, 0.2]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("small", sampled(EPSILONS, always=[1e-8, 1e-2]))
 @pytest.mark.parametrize("name", FOLDS)
 def test_a_computed_passage_and_its_law_are_within_what_is_proved(name: str, small: float) -> None:
@@ -152,6 +153,7 @@ DELAYS = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(DELAYS, 2))
 def test_a_delay_is_between_its_bounds(name: str, tmp_path: Path) -> None:
     found, start, (u, v) = DELAYS[name]

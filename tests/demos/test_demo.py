@@ -129,6 +129,7 @@ def settings(scene: gsp.Scene, count: int) -> list[dict]:
     return found
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SCENES)
 def test_full_runs_agree_with_python(name: str, opened) -> None:
     scene = models.load(name)
@@ -155,6 +156,7 @@ def test_full_runs_agree_with_python(name: str, opened) -> None:
         np.testing.assert_allclose(got[2], [expected[s][-1] for s in states], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SCENES)
 def test_the_series_agrees_with_python_at_other_parameters_too(name: str, opened) -> None:
     scene = models.load(name)
@@ -195,6 +197,7 @@ def test_the_series_agrees_with_python_at_other_parameters_too(name: str, opened
             assert estimates[0, got[2]] <= truncation.GROWN * np.nanmin(estimates)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
 def test_reduced_runs_agree_with_python(name: str, opened) -> None:
     scene = models.load(name)
@@ -227,6 +230,7 @@ def test_reduced_runs_agree_with_python(name: str, opened) -> None:
         np.testing.assert_allclose(got[4], [end[n] for n in names], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SCENES)
 def test_a_page_draws_itself_and_asks_for_nothing(name: str, opened) -> None:
     page = opened(name)
@@ -238,6 +242,7 @@ def test_a_page_draws_itself_and_asks_for_nothing(name: str, opened) -> None:
     assert page.requests() == []
 
 
+@pytest.mark.exhaustive
 def test_the_measured_powers_are_those_of_the_theory(opened) -> None:
     page = opened("chaplygin_sleigh", fragment="#orders=0.1.2.3&epsilon=0.01&rivals=1")
     page.measured()
@@ -266,6 +271,7 @@ def test_what_ends_a_series_and_what_a_power_is_taken_over_is_true_of_what_is_sh
     assert power is None or power == pytest.approx(2, abs=0.2)
 
 
+@pytest.mark.exhaustive
 def test_sliders_change_the_picture_and_the_address(opened) -> None:
     page = opened("michaelis_menten")
     for slider, value in (("epsilon", -2.0), ("parameter-0", 2.0), ("length", 1.0)):
@@ -292,6 +298,7 @@ def test_a_fragment_that_says_nonsense_is_passed_over(opened) -> None:
     assert page.complaints() == []
 
 
+@pytest.mark.exhaustive
 def test_the_start_is_dragged_by_hand_and_by_keys(opened) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.by import By
@@ -311,6 +318,7 @@ def test_the_start_is_dragged_by_hand_and_by_keys(opened) -> None:
     assert page.run("return state.start")[0] > dragged[0]
 
 
+@pytest.mark.exhaustive
 def test_a_start_in_slow_and_fast_variables_is_dragged_in_them(opened) -> None:
     page = opened("chaplygin_sleigh", fragment="#x=v&y=p")
     p = page.run("return startOnAxes()[1]")
@@ -323,6 +331,7 @@ def test_a_start_in_slow_and_fast_variables_is_dragged_in_them(opened) -> None:
     assert v == pytest.approx(-1.5, abs=1e-3)
 
 
+@pytest.mark.exhaustive
 def test_keys_play_orders_and_light(opened) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
 
@@ -343,6 +352,7 @@ def test_keys_play_orders_and_light(opened) -> None:
     assert page.complaints() == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("width", [360, 1280])
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "koper"])
 def test_nothing_is_wider_than_the_window(name: str, width: int, opened) -> None:
@@ -351,6 +361,7 @@ def test_nothing_is_wider_than_the_window(name: str, width: int, opened) -> None
     assert page.run("return Math.min(...Object.values(views).map((v) => v.canvas.clientWidth))") > 250
 
 
+@pytest.mark.exhaustive
 def test_a_relaxation_oscillator_is_reduced_between_its_jumps(opened) -> None:
     page = opened("van_der_pol", fragment="#end=4&epsilon=0.01&orders=0&s.x=2&s.y=0.66667")
     pieces = page.run("return current.result.pieces.map((piece) => piece.runs[0].status)")
@@ -402,6 +413,7 @@ def test_a_page_says_what_cannot_be_computed(opened) -> None:
     assert page.complaints() == []
 
 
+@pytest.mark.exhaustive
 def test_names_and_texts_of_a_model_are_inert(opened) -> None:
     page = opened(HOSTILE)
     assert page.run("return [typeof window.broken, document.scripts.length, document.images.length]") == [
@@ -420,6 +432,7 @@ def test_names_and_texts_of_a_model_are_inert(opened) -> None:
     assert page.requests() == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("state", INHERITED)
 def test_names_that_objects_of_javascript_inherit_are_names_like_others(
     state: str, page, tmp_path: Path
@@ -461,6 +474,7 @@ def test_a_rival_may_have_the_name_of_a_row_beside_it(page, tmp_path: Path) -> N
     assert re.search("ε1.9|ε2.0", told[2])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["michaelis_menten", "koper"])
 def test_the_strip_shows_the_time_scales_that_gsp_scales_tells(name: str, opened) -> None:
     scene = models.load(name)
@@ -584,6 +598,7 @@ def test_pieces_of_a_curve_are_told_by_its_own_values(text: str, opened) -> None
     assert count < 20_000
 
 
+@pytest.mark.exhaustive
 def test_folds_are_ringed_wherever_the_curve_turns_and_at_any_parameter(opened) -> None:
     page = opened("van_der_pol")
     for step in (0, 1, 4):
@@ -613,6 +628,7 @@ def test_the_surface_goes_as_far_as_the_run(opened) -> None:
     assert attracts > 20
 
 
+@pytest.mark.exhaustive
 def test_the_layer_is_shaded_as_long_as_it_is_seen(opened) -> None:
     page = opened("van_der_pol")
     page.measured()
@@ -652,6 +668,7 @@ def test_the_ranges_of_a_view_hold_its_axes(opened) -> None:
     assert page.run("return views.plane.box") != [-10, 10, -1, 4]
 
 
+@pytest.mark.exhaustive
 def test_a_parameters_slider_keeps_its_sign(opened) -> None:
     page = opened(HOSTILE)
     ends = "return ['min', 'max'].map((end) => Number(document.getElementById(arguments[0])[end]))"
@@ -706,6 +723,7 @@ def test_the_policy_lets_nothing_else_run(opened) -> None:
     assert any("Content Security Policy" in line for line in page.complaints())
 
 
+@pytest.mark.exhaustive
 def test_a_model_of_ones_own_in_four_dimensions(opened) -> None:
     page = opened(CUBE)
     assert page.run("return model.quantities") == ["x", "z", "u", "w"]
@@ -758,6 +776,7 @@ epsilon = 0.05
 """
 
 
+@pytest.mark.exhaustive
 def test_a_jump_from_a_first_short_piece_is_no_initial_layer(opened) -> None:
     """The start is a fifth of a unit of time from the fold: reduced runs begin behind the jump, and are not followed
     back through it, which took them to w = 4.5.

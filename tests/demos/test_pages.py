@@ -84,6 +84,7 @@ def opened(page, tmp_path):
     return open_
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("width", [390, 1280])
 @pytest.mark.parametrize("name", sampled(models.names(), always=("chaplygin_sleigh", "koper", "lindemann")))
 def test_whatever_is_pressed_is_as_large_as_a_finger(name: str, width: int, opened) -> None:
@@ -98,6 +99,7 @@ def test_whatever_is_pressed_is_as_large_as_a_finger(name: str, width: int, open
     assert page.run("return document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "linear"])
 def test_on_a_phone_a_picture_stays_in_sight_beside_its_sliders(name: str, opened) -> None:
     page = opened(name, width=390, height=844)
@@ -148,6 +150,7 @@ def test_axes_do_not_follow_a_run_that_blows_up(opened) -> None:
     assert max(page.run("return [...views.plane.box, ...views.trace.box]")) < 100
 
 
+@pytest.mark.exhaustive
 def test_a_note_of_an_ending_leads_to_its_moment(opened) -> None:
     page = opened("van_der_pol", fragment="#end=4&epsilon=0.01&orders=0&s.x=2&s.y=0.66667")
     ended = page.run(
@@ -157,6 +160,7 @@ def test_a_note_of_an_ending_leads_to_its_moment(opened) -> None:
     assert ended[0] == pytest.approx(ended[1], rel=1e-3)
 
 
+@pytest.mark.exhaustive
 def test_what_is_exact_is_said_and_not_drawn_as_noise(opened) -> None:
     page = opened(EXACT, fragment="#orders=0.1")
     page.measured()
@@ -170,6 +174,7 @@ def test_what_is_exact_is_said_and_not_drawn_as_noise(opened) -> None:
     assert "exact to rounding: order 0, 1" in said
 
 
+@pytest.mark.exhaustive
 def test_a_picture_is_saved_as_it_stands_and_its_numbers_with_it(opened) -> None:
     page = opened("chaplygin_sleigh", fragment="#step=6")
     page.measured()

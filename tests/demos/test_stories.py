@@ -33,6 +33,7 @@ def test_a_step_is_read_aloud_in_a_breath_or_two(name: str) -> None:
         assert 40 < len(step["text"].replace("$", "")) <= LONGEST
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh",)))
 def test_every_step_draws_itself(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
@@ -55,6 +56,7 @@ def test_every_step_draws_itself(name: str, page, tmp_path) -> None:
     assert page.requests() == []
 
 
+@pytest.mark.exhaustive
 def test_the_sleigh_is_drawn_and_moves_when_played(page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("chaplygin_sleigh"), tmp_path / "demo.html"))
     page.run("turnTo(1); play(false); now = 1; draw();")
@@ -82,6 +84,7 @@ def test_from_near_the_body_fills_the_picture_and_its_parts_have_names(page, tmp
     assert not low < page.run("return views.path.box[2]") < high
 
 
+@pytest.mark.exhaustive
 def test_the_picture_in_space_is_turned(page, tmp_path) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
 
@@ -115,6 +118,7 @@ def test_the_canard_value_that_is_told_is_the_one_that_is_computed(page, tmp_pat
     assert page.run(lowest, 0.9934908) < -1.5
 
 
+@pytest.mark.exhaustive
 def test_the_blade_lets_go_where_it_is_told() -> None:
     scene = models.load("sled")
     told = story("sled")["steps"]
@@ -182,6 +186,7 @@ def worked(page, step: int) -> dict[str | int, list[dict]]:
     return found
 
 
+@pytest.mark.exhaustive
 def test_the_run_that_is_marked_is_the_cheapest_that_is_exact_enough(page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("lindemann"), tmp_path / "demo.html"))
     rows = worked(page, 3)
@@ -229,6 +234,7 @@ def test_operations_are_those_that_were_done(page, tmp_path) -> None:
     assert 5 <= each <= 15
 
 
+@pytest.mark.exhaustive
 def test_the_explicit_methods_fail_as_they_are_told(page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("lindemann"), tmp_path / "demo.html"))
     moderate, small = worked(page, 3), worked(page, 4)
@@ -255,6 +261,7 @@ def test_the_explicit_methods_fail_as_they_are_told(page, tmp_path) -> None:
     assert page.run("return current.stepped.status") == "reached"
 
 
+@pytest.mark.exhaustive
 def test_steps_are_told_with_the_tolerance_at_which_they_were_made(page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("van_der_pol"), tmp_path / "demo.html"))
     read = "return document.getElementById('orders').innerText"
@@ -273,6 +280,7 @@ def test_steps_are_told_with_the_tolerance_at_which_they_were_made(page, tmp_pat
 OPERATIONS, POINTS = 3_500_000, 4_000
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(stories(), always=("koper",)))
 def test_a_redraw_takes_few_operations_wherever_the_sliders_stand(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
@@ -301,6 +309,7 @@ def test_a_redraw_takes_few_operations_wherever_the_sliders_stand(name: str, pag
     assert points < POINTS
 
 
+@pytest.mark.exhaustive
 def test_a_picture_is_quick_while_a_slider_moves_and_fine_at_rest(page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("koper"), tmp_path / "demo.html"))
     page.measured()

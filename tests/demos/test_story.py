@@ -130,6 +130,7 @@ def test_words_of_a_story_are_escaped_and_its_formulas_set() -> None:
     }
 
 
+@pytest.mark.exhaustive
 def test_a_share_keeps_the_step_and_all_values(page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("van_der_pol"), tmp_path / "demo.html"))
     page.run("turnTo(3); play(false)")
@@ -147,6 +148,7 @@ def test_a_share_keeps_the_step_and_all_values(page, tmp_path) -> None:
     assert fresh == [3, 0.01, 0.6, [0, 1, 2, 3]]
 
 
+@pytest.mark.exhaustive
 def test_the_sleighs_two_equations_differ_in_path_energy_and_colour(page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("chaplygin_sleigh"), tmp_path / "demo.html"), fragment="#step=7")
     page.settle()
@@ -223,6 +225,7 @@ def lab(light: np.ndarray) -> np.ndarray:
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_the_two_equations_are_told_apart_by_the_colour_blind(theme: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load("chaplygin_sleigh"), tmp_path / "demo.html"))

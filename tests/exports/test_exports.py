@@ -252,6 +252,7 @@ def hostile() -> gsp.Scene:
     )
 
 
+@pytest.mark.exhaustive
 def test_names_and_texts_of_a_model_do_nothing_in_any_language(tmp_path: Path) -> None:
     made = gsp.study(hostile())
     x = np.array([[0.3], [1.7]])
@@ -279,6 +280,7 @@ def test_names_and_texts_of_a_model_do_nothing_in_any_language(tmp_path: Path) -
 INHERITED = ("constructor", "toString", "hasOwnProperty", "valueOf", "__proto__")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("state", INHERITED)
 def test_names_that_objects_of_javascript_inherit_are_names_like_others(state: str, tmp_path: Path) -> None:
     x, y, epsilon = sp.Symbol(state), sp.Symbol("y"), sp.Symbol("epsilon")
@@ -331,6 +333,7 @@ HARD = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", HARD)
 def test_every_kind_of_expression_keeps_its_value(kind: str, tmp_path: Path) -> None:
     expression, names = HARD[kind], {x: "x", y: "y", k: "k"}

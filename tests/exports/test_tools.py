@@ -236,6 +236,7 @@ def two_fast_variables(a: float) -> gsp.Scene:
     )
 
 
+@pytest.mark.exhaustive
 def test_the_states_of_an_implicit_branch_are_said_with_what_holds_between_them() -> None:
     comment = " ".join(re.findall(r"(?m)^# (.*)$", text_of("van_der_pol", "python")))
     assert "x0 is x of the point of the critical manifold over y." in comment
@@ -269,6 +270,7 @@ def test_an_equation_that_gives_a_variable_over_a_sum_of_parameters_is_nothing_t
     assert "lie on the critical manifold" not in text
 
 
+@pytest.mark.exhaustive
 def test_an_implicit_branch_moves_with_its_parameters() -> None:
     names = run_python(gsp.export(two_fast_variables(1), order=1, to="python"))
     flow = gsp.study(two_fast_variables(1.5)).reduced(1)

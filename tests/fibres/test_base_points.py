@@ -108,6 +108,7 @@ CASES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("branch", "start", "ladder"), thinned(CASES.values(), 2), ids=CASES)
 def test_series_and_backward_shadowing_agree_through_every_order(branch, start, ladder) -> None:
     shadows = [project(branch, start, epsilon=e, numeric=True) for e in ladder]
@@ -389,6 +390,7 @@ def test_a_layer_on_one_side_of_a_switch_is_that_of_the_side(switching: sp.Expr,
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("order", "status"), [(0, Status.SUCCESS), (1, Status.HYPERBOLICITY_LOST)])
 def test_a_base_point_beyond_the_end_of_the_sheet_is_told_so(order, status) -> None:
     # From no messengers the layer carries the proteins to p = -18, and the sheet of the dimers ends at -3.75.

@@ -47,6 +47,7 @@ CASES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("branch", "start", "span", "ladder"), thinned(CASES.values(), 2), ids=CASES)
 def test_the_error_is_uniform_and_of_the_order_promised(branch, start, span, ladder) -> None:
     series = expand(branch, order=2)
@@ -155,6 +156,7 @@ def test_reconstruction_variables_are_uniformly_approximated_too() -> None:
     assert slope(ladder, errors, [1e-9] * 3) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_quadratic_rates_of_many_fast_variables_are_matched_by_programs() -> None:
     fast = sp.symbols("y0:4")
     states = (x, *fast)

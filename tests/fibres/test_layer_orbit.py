@@ -110,6 +110,7 @@ def test_panels_end_where_the_layer_crosses_a_kink() -> None:
         inner.require(3)
 
 
+@pytest.mark.exhaustive
 def test_base_points_through_kinks_of_f_and_g_are_those_of_shadowing_through_order_two() -> None:
     slow = {x: -x + y + sp.Abs(y - 2) / 3}
     fast = {y: sp.Min(1 + x / 4, y) - 2 * y + x**2 / 5 - y**2 / 20}

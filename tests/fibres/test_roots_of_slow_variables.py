@@ -62,6 +62,7 @@ def test_what_the_series_leaves_out_is_of_the_order_that_it_says() -> None:
     assert np.log(left[0] / left[1]) / np.log(sizes[0] / sizes[1]) == pytest.approx(2.5, abs=0.1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("slow", "power", "where"),
     crossed([ONE, 1 - x, 1 + x**2], [sp.Rational(5, 2), sp.Rational(3, 2)], ["fast", "slow"]),

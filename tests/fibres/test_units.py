@@ -85,6 +85,7 @@ def answers(name: str, powers: dict[str, int]) -> dict[str, np.ndarray]:
     return found
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "powers"), thinned(itertools.product(SYSTEMS, [(-13, -13), (-9, 9), (9, -9), (13, 13)]), 5)
 )

@@ -36,6 +36,7 @@ def test_the_worst_place_its_direction_and_the_part_where_it_holds_are_told(unit
     assert 2 - 4 / 32 <= high <= 2
 
 
+@pytest.mark.exhaustive
 def test_where_it_holds_nothing_falls_short() -> None:
     slow = {x: u, u: -x}
     region = {"x": (-1, 1), "u": (-1, 1)}

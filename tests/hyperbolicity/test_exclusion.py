@@ -58,6 +58,7 @@ def test_a_dip_between_all_samples_is_found() -> None:
     assert sorted(loss.point["x"] for loss in found.losses) == pytest.approx(known, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("slow", "seed"), thinned(itertools.product([1, 2, 3], range(12)), 7))
 def test_random_dips_are_found_or_not_excluded(slow: int, seed: int) -> None:
     draw = random.Random(100 * slow + seed)
@@ -73,6 +74,7 @@ def test_random_dips_are_found_or_not_excluded(slow: int, seed: int) -> None:
     assert is_told(found, {s.name: float(p) for s, p in zip(names, place)}), (found, rate)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", thinned(range(6), 2))
 def test_ridges_in_any_direction_are_found_or_not_excluded(seed: int) -> None:
     draw = random.Random(seed)
@@ -86,6 +88,7 @@ def test_ridges_in_any_direction_are_found_or_not_excluded(seed: int) -> None:
         assert 0.0 < found.exclusion.share <= 1.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", thinned(range(6), 2))
 def test_a_gap_that_dips_between_samples_is_measured_there(seed: int) -> None:
     draw = random.Random(seed)
@@ -115,6 +118,7 @@ def test_a_hole_in_an_implicit_branch_between_samples_is_found() -> None:
     assert found.kind is Kind.LOST
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("how", ["through", "bounds"])
 def test_a_dip_of_an_implicit_branch_is_found(how: str) -> None:
     region = {"x": (-1, 1)} | ({"y": (0.5, 1.5)} if how == "bounds" else {})

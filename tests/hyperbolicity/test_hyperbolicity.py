@@ -33,6 +33,7 @@ def condition(verdict: Hyperbolicity, name: str):
     return found
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("g", "kind", "gap"),
     [
@@ -101,6 +102,7 @@ def test_a_sheet_that_ends_in_the_region_is_lost_at_its_fold() -> None:
     assert (loss.point["y"], loss.point["x"]) == pytest.approx((-2 / 3, 1), abs=1e-8)
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_is_not_blamed_for_the_folds_of_another() -> None:
     # Folds at y = +-1 of the lower pair of sheets; the sheet near y = 5 has none over the region.
     g = (x + y - y**3 / 3) * (y - 5) - sp.Rational(1, 100)
@@ -120,6 +122,7 @@ def test_only_the_sheet_that_runs_into_a_fold_owns_it() -> None:
         assert locator._on_sheet(fold, sample) is owned
 
 
+@pytest.mark.exhaustive
 def test_one_sheet_between_the_folds_holds() -> None:
     region = {"y": (-0.5, 0.5)}
     (branch,) = solve_critical(systems.van_der_pol()).branches
@@ -152,6 +155,7 @@ def test_a_transcritical_crossing_is_located() -> None:
     assert not condition(verdict, "one type").holds
 
 
+@pytest.mark.exhaustive
 def test_a_hopf_point_of_the_layer_problem_is_located() -> None:
     shift = x - sp.Rational(1, 7)
     verdict = judge({y: shift * y - 2 * z, z: 2 * y + shift * z})
@@ -324,6 +328,7 @@ def test_three_slow_variables_are_sampled_with_their_corners() -> None:
     assert classify(solve_critical(corner).branches[0], region=region).kind is Kind.LOST
 
 
+@pytest.mark.exhaustive
 def test_a_curve_of_folds_is_met_over_two_slow_variables() -> None:
     system = SlowFastSystem(slow={x: -x, u: -u}, fast={y: x + u * y + y**3}, epsilon=eps)
     verdict = classify(solve_critical(system).branches[0], region={"x": (-1, 1), "u": (-1, 1)})
@@ -365,6 +370,7 @@ def test_a_region_without_a_real_point_is_refused() -> None:
         classify(3, region=UNIT)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.exhaustive
 def test_many_sheets_of_a_sine_are_told_apart() -> None:
     (branch,) = solve_critical(SlowFastSystem(slow={x: 1}, fast={y: sp.sin(y) - x}, epsilon=eps)).branches
     verdict = classify(branch, region={"x": (-1.5, 1.5), "y": (-10, 10)})
@@ -390,6 +396,7 @@ def test_an_epsilon_that_is_none_is_refused(value) -> None:
         classify(branch, region={"s": (0, 1)}, epsilon=value)
 
 
+@pytest.mark.exhaustive
 def test_an_exact_epsilon_counts_as_its_number() -> None:
     branch = solve_critical(systems.michaelis_menten()).branches[0]
     r = [
@@ -399,6 +406,7 @@ def test_an_exact_epsilon_counts_as_its_number() -> None:
     assert r[0] == r[1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [1, 2, 3])
 @pytest.mark.parametrize(
     "g",

@@ -40,6 +40,7 @@ def test_a_linear_chain_is_solved_with_a_derivative_or_two_for_each_entry() -> N
     np.testing.assert_allclose(branch.points([[1.0]])[0], expected, rtol=1e-13)
 
 
+@pytest.mark.exhaustive
 def test_elimination_ends_where_the_equations_grow() -> None:
     # A ring of products: whatever is eliminated makes the others longer.
     y = sp.symbols("y1:25")
@@ -91,6 +92,7 @@ def test_what_is_symmetric_in_other_units_has_the_same_eigenvalues() -> None:
     assert symmetrised(A) is None
 
 
+@pytest.mark.exhaustive
 def test_many_fast_variables_are_judged_as_few_are(monkeypatch: pytest.MonkeyPatch) -> None:
     branch = sheet(chain(12, cubic=1))
     dense = classify(branch, region={"x": (0.5, 1.5)}, epsilon=0.01)

@@ -44,6 +44,7 @@ def followed(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
     return found
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("sink", thinned([sp.S.Zero, y / (Q(1, 2) + y)], 2))
 def test_denominators_that_stay_away_from_zero_are_not_followed(sink: sp.Expr, followed: list) -> None:
     """From 24 samples each, by dense steps, those of 200 genes took hours."""

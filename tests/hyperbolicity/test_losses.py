@@ -160,6 +160,7 @@ def test_a_loss_has_its_name(name) -> None:
     assert loss.test
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(CASES, always=list(ONE_OF_EACH)[::2]))
 def test_a_linear_disguise_changes_neither_name_nor_invariants(name) -> None:
     plain = only(judged(name), CASES[name].kind)
@@ -195,6 +196,7 @@ def test_the_coefficients_of_a_fold() -> None:
     assert "epsilon^(2/3)" in loss.consequence
 
 
+@pytest.mark.exhaustive
 def test_the_delay_at_a_fold_is_the_time_of_the_jump() -> None:
     # epsilon v' = v^2 + kappa t, t' = 1, blows up at t = Omega_0 epsilon^(2/3) kappa^(-1/3).
     from gsp.integration.trajectory import integrate
@@ -209,6 +211,7 @@ def test_the_delay_at_a_fold_is_the_time_of_the_jump() -> None:
         assert run.t[-1] - 1 == pytest.approx(loss.coefficients["delay"] * epsilon ** (2 / 3), rel=2e-3)
 
 
+@pytest.mark.exhaustive
 def test_a_fold_that_slow_orbits_leave_and_a_canard_point_are_told_apart() -> None:
     away = Case({x: sp.Integer(-1)}, {y: x + y**2}, {}, {"x": (-1, 0)}, LossKind.FOLD)
     assert only(judge(away), LossKind.FOLD).coefficients["kappa"] == -1
@@ -266,6 +269,7 @@ IN_UNITS = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("unit", "length"), [(10**-4, 10**3), (10**4, 10**-3)])
 @pytest.mark.parametrize("name", IN_UNITS)
 def test_units_of_the_variables_change_neither_name_nor_invariants(
@@ -303,6 +307,7 @@ CURVES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", CURVES)
 def test_a_curve_of_folds_is_one_loss_and_its_special_points_are_others(name) -> None:
     case = CURVES[name]
@@ -379,6 +384,7 @@ def test_a_branch_that_is_singular_everywhere_is_named(name) -> None:
     assert_named(name, None)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(EVERYWHERE, always=("nilpotent",)))
 def test_a_branch_that_is_singular_everywhere_is_named_in_disguise(name) -> None:
     assert_named(name, 4)
@@ -465,6 +471,7 @@ def test_a_switching_surface_is_a_loss_when_the_branch_meets_it(g, met, jump, ki
         assert "not smooth" in verdict.notes[0]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("g", "grows"), [(sp.sqrt(x) - y, True), (x ** sp.Rational(3, 2) - y, False)])
 def test_a_root_on_the_edge_of_its_domain_is_said_to_have_no_bounded_slope(g: sp.Expr, grows: bool) -> None:
     # Only one side of x = 0 has a field: nothing there tells a jump, and x^(1/2) has an infinite slope.
@@ -494,6 +501,7 @@ def test_an_eigenvalue_that_jumps_across_the_axis_is_lost_at_the_switching_surfa
     assert "jumps" in loss.crossing
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_that_ends_at_a_switching_surface_says_so() -> None:
     # y = x + 1 where x + y > 0, so for x > -1/2.
     fast = {y: sp.sign(x + y) - y + x}
@@ -548,6 +556,7 @@ HYPERBOLIC = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(HYPERBOLIC, 2))
 def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
     verdict = judge(Case({x: -x}, HYPERBOLIC[name], {}, UNIT, LossKind.FOLD))
@@ -586,6 +595,7 @@ def test_a_fold_on_the_edge_of_the_region_is_named() -> None:
     assert "on the edge of the region" in str(loss)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("place", thinned([sp.Rational(123, 1000), sp.Integer(0), -sp.Rational(1, 3)], 3))
 def test_an_eigenvalue_that_touches_the_axis_is_named_degenerate(place: sp.Expr) -> None:
     # A multiple zero is approached linearly, and met exactly only where a sample lies on it.
@@ -609,6 +619,7 @@ def test_a_hopf_point_without_nonlinearity_says_that_l1_is_zero() -> None:
     assert "l1 = 0" in loss.note
 
 
+@pytest.mark.exhaustive
 def test_a_part_of_the_region_where_the_conditions_hold_is_proposed() -> None:
     verdict = judged("fold of a cubic")
     part = verdict.sub_region
@@ -636,6 +647,7 @@ def test_a_loss_prints_what_it_is_and_what_follows() -> None:
     assert "\n" not in repr(loss)
 
 
+@pytest.mark.exhaustive
 def test_rates_that_differ_by_more_than_epsilon_are_noted() -> None:
     system = SlowFastSystem(slow={x: -x}, fast={y: x - y, z: -z / 1000 + x}, epsilon=eps)
     branch = solve_critical(system).branches[0]
@@ -644,6 +656,7 @@ def test_rates_that_differ_by_more_than_epsilon_are_noted() -> None:
     assert "differ by a factor 1e+03" in note
 
 
+@pytest.mark.exhaustive
 def test_the_end_of_a_domain_is_no_loss_of_an_eigenvalue() -> None:
     x, y, u, v, epsilon = sp.symbols("x y u v epsilon")
     plain = SlowFastSystem(slow={x: -x}, fast={y: sp.log(x) - y}, epsilon=epsilon)
@@ -688,6 +701,7 @@ def test_poles_and_neutral_saddles_keep_their_names_in_disguise(fast, kind, seed
         assert found[0].point["x"] == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_a_hopf_point_that_is_a_sample_is_no_eigenvalue_that_jumps() -> None:
     """The Brusselator's feed b drifts: X = a, Y = b/a has the eigenvalues (b - 2 +- sqrt((b - 2)^2 - 4))/2 at a = 1."""
     b, X, Y = sp.symbols("b X Y")

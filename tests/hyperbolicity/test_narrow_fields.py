@@ -34,6 +34,7 @@ def judge(factor, region, values=None):
     return classify(branch, region=region)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "width", "region"),
     crossed(["Gauss", "Gauss in decimals", "cosh", "Cauchy"], [1e-2, 1e-3], [(0, 1), (0.5, 1), (-2, 2)]),
@@ -49,6 +50,7 @@ def test_a_narrow_dip_is_attracting_and_holds(name, width, region) -> None:
         assert found.gap >= 0.99
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", thinned(range(6), 2))
 def test_a_steep_gate_is_attracting_and_holds(seed) -> None:
     rng = np.random.default_rng(seed)
@@ -69,6 +71,7 @@ def test_what_is_written_without_overflow_is_the_same(part) -> None:
             assert float(safe.subs(place)) == pytest.approx(float(expression.subs(place)), rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("depth", thinned([Q(11, 10), Q(101, 100)], 2))
 @pytest.mark.parametrize("width", [Q(1, 1000), Q(1, 10**4), Q(1, 10**5)])
 def test_a_smooth_dip_that_crosses_zero_is_not_called_rough(width, depth) -> None:

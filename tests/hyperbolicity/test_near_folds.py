@@ -39,6 +39,7 @@ def gap_of_van_der_pol(distance: float) -> float:
     return 2 * d + d**2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("distance", "width", "bounds"),
     crossed([2e-3, 1e-4, 1e-7, 1e-9], [1.0, 1.866, 1e-3], [{}, {"x": (0.999, 2.2)}]),
@@ -50,6 +51,7 @@ def test_the_gap_next_to_a_fold_is_its_own(distance, width, bounds) -> None:
     assert found.gap == pytest.approx(gap_of_van_der_pol(distance), rel=1e-6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", thinned(range(6), 3))
 def test_the_gap_next_to_a_fold_is_its_own_in_any_units(seed) -> None:
     rng = np.random.default_rng(seed)
@@ -72,6 +74,7 @@ def test_the_gap_next_to_a_fold_is_its_own_in_any_units(seed) -> None:
     assert found.gap == pytest.approx(float(c) * gap_of_van_der_pol(distance), rel=1e-5)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("beyond", [1e-3, 0.5])
 def test_a_sheet_of_a_polynomial_field_ends_at_its_fold_not_at_a_domain(beyond) -> None:
     found = classify(sheet(VAN_DER_POL, FAR), region={"y": (-2 / 3 - beyond, 1.0)})

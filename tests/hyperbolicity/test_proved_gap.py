@@ -16,6 +16,7 @@ def sliver():
     return solve_critical(system).branches[0]
 
 
+@pytest.mark.exhaustive
 def test_the_headline_of_a_proof_has_the_proved_gap() -> None:
     found = classify(sliver(), region={"x": (0, 1)}, prove=True)
     first = str(found).splitlines()[0]
@@ -37,6 +38,7 @@ def test_a_gap_that_enclosures_confirm_stands_alone() -> None:
     assert repr(found) == "Hyperbolicity(attracting, gap=2, sampled at 257 points)"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("digits", [1, 2, 3, 4, 6])
 def test_a_proved_gap_is_never_rounded_up(digits: int) -> None:
     system = SlowFastSystem(

@@ -73,6 +73,7 @@ def test_the_end_of_sliding_is_a_visible_fold_with_the_power_of_its_law(phi, end
         assert f"epsilon^({exponent})" in loss.consequence
 
 
+@pytest.mark.exhaustive
 def test_the_other_side_and_other_sizes() -> None:
     """X- = (3, -5 x) is tangent from below, and bends away."""
     (loss,) = verdict(-2, -5 * x, "cubic", rates=(1, 3)).losses
@@ -80,6 +81,7 @@ def test_the_other_side_and_other_sizes() -> None:
     assert (loss.coefficients["beta"], loss.coefficients["gamma"]) == pytest.approx((15.0, 2.0))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("phi", ["cubic", "tanh"])
 def test_a_field_that_bends_back_has_an_invisible_fold(phi) -> None:
     (loss,) = verdict(-x, 1, phi).losses

@@ -43,6 +43,7 @@ def test_a_gap_below_what_doubles_tell_from_zero_is_a_gap(fast, at):
     assert float(least) * (1 - 1e-3) <= found.gap <= 22 * float(least)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("at", [1, sp.Rational(1, 3), sp.sqrt(2)])
 @pytest.mark.parametrize("fast", [real, pair, implicit])
 def test_an_eigenvalue_on_the_axis_is_a_loss_wherever_it_lies(fast, at):
@@ -53,12 +54,14 @@ def test_an_eigenvalue_on_the_axis_is_a_loss_wherever_it_lies(fast, at):
     assert loss.kind is not LossKind.FOLD
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_and_the_whole_implicit_branch_have_the_same_answer():
     for least, kind in ((sp.Rational(1, 10**12), "attracting"), (0, "lost")):
         fast = implicit(least, 1)
         assert {verdict(fast).kind, verdict(fast, through={"x": 0.5, "y": 0.4}).kind} == {kind}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [12, 15, 18])
 def test_what_is_proved_is_not_said_to_be_lost(power):
     found = verdict(real(sp.Rational(1, 10**power), sp.Rational(1, 3)), prove=True)
@@ -66,6 +69,7 @@ def test_what_is_proved_is_not_said_to_be_lost(power):
     assert found.certificate.gap == pytest.approx(10.0**-power, rel=1e-4)
 
 
+@pytest.mark.exhaustive
 def test_what_is_lost_is_not_proved():
     found = verdict(real(0, sp.Rational(1, 3)), prove=True)
     assert (found.kind, found.certificate.verdict) == ("lost", "undecided")

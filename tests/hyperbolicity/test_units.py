@@ -55,6 +55,7 @@ def losses(name: str, powers: tuple[int, int]) -> list[tuple[int, str, float]]:
     ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "units"),
     [
@@ -93,6 +94,7 @@ def test_sheets_of_two_fast_variables_in_small_bounds_are_told_apart() -> None:
     assert counts[1] == pytest.approx(counts[0], rel=1e-10)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("unit", [sp.Integer(1), sp.Rational(1, 10**6), sp.Integer(10**6)])
 @pytest.mark.parametrize("far", [1, 50, 3000])
 def test_a_root_of_what_never_vanishes_switches_nowhere_however_large_it_is_outside(
@@ -106,6 +108,7 @@ def test_a_root_of_what_never_vanishes_switches_nowhere_however_large_it_is_outs
     assert verdict.holds
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "powers", sampled([(0, 0), (-6, 6), (6, -6), (-9, -9), (6, 6)], always=[(0, 0), (6, -6)])
 )

@@ -31,6 +31,7 @@ def test_the_push_at_a_pitchfork_is_less_the_slope_of_the_branch(slope: int, pus
     assert loss.may_reduce is (push != slope)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("rates", "count"), [((-3, -2), 0), ((3, -2), 1), ((3, 2), 2)])
 def test_the_other_unstable_directions_at_a_zero_are_counted(rates: tuple[int, int], count: int) -> None:
     v = y - 2 * x

@@ -94,11 +94,13 @@ def check_problem(method: Method, name: str, tolerances, shares) -> None:
         check(method, field, named, problem.end, exact, tolerances, shares)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("method", "name"), list(product(Method, FORCING)))
 def test_a_forced_variable_is_read_between_steps_to_the_tolerance(method: Method, name: str) -> None:
     check_forced(method, name, (1e2, 1e3, 1e6), TOLERANCES, (1e-3,))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("method", "name"), thinned(CASES, 3))
 def test_stiff_problems_are_read_between_steps_to_the_tolerance(method: Method, name: str) -> None:
     check_problem(method, name, TOLERANCES, (1e-3,))

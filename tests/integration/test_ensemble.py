@@ -43,6 +43,7 @@ def alone(flow, start, **options):
 # The same numbers as one by one
 
 
+@pytest.mark.exhaustive
 @EVERY
 @pytest.mark.parametrize("at", [None, [0, 0.7, 3, 5], [0], [0.3, 5.0]], ids=str)
 def test_every_number_is_that_of_the_run_alone(method, at):
@@ -69,6 +70,7 @@ def test_also_with_more_steps_than_the_scratch_holds_and_backward(method):
         assert many.member(i).stats == one.stats
 
 
+@pytest.mark.exhaustive
 def test_a_scene_with_three_states_and_the_default_methods():
     field = load("chaplygin_sleigh").system
     starts = np.random.default_rng(1).uniform(-1, 1, (12, 3))

@@ -411,6 +411,7 @@ def test_events_of_one_instant_are_one_instant_in_every_system(name, backward):
         assert run.events[other].states.tolist() == run.events["plain"].states.tolist()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("method", "rtol"),
     thinned(itertools.product(["radau9", "radau13", "dop853", None], [1e-3, 1e-6, 1e-9]), 4),

@@ -47,6 +47,7 @@ def written(line):
         return integrate(flow, start=start, span=(0, 2), rtol=1e-11, atol=1e-12, method=Method.RADAU9)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("method", STIFF)
 def test_every_stiff_method_is_as_exact_as_asked_for(line, written, method):
     flow, start = line
@@ -123,6 +124,7 @@ def test_events_and_ensembles_go_the_same_way(line, written):
     assert ends.y[0, :, -1] == pytest.approx(written.y[:, -1], abs=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_a_network_that_fills_in_has_the_borders_of_written_code():
     rng = np.random.default_rng(5)
     x = sp.symbols("x0:60")

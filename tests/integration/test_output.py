@@ -96,6 +96,7 @@ def test_the_methods_without_doubt_are_read_off_the_dense_output(method):
     assert run.at(20.0) == pytest.approx(run.y[:, -1], abs=0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("states", [2, 9])
 @pytest.mark.parametrize("count", [5, 40, 900])
 def test_what_is_read_is_the_same_along_times_along_states_and_one_by_one(states, count):
@@ -209,6 +210,7 @@ def _slaved(name: str, rate: float):
     return field, {"s": 0.0, "y": float(phi.subs(s, 0))}, end, sp.lambdify(s, phi)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-8])
 @pytest.mark.parametrize("name", ["grows", "decays", "turns"])
 @pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])

@@ -82,6 +82,7 @@ def test_a_run_into_a_fold_and_a_start_on_it_end_as_they_do_the_long_way():
             integrate(found.reduced(order), start={"x": 1, "y": -2 / 3}, span=(0, 1), epsilon=0.01)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "draws"),
     [

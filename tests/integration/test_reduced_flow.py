@@ -40,6 +40,7 @@ def error(series, system, start, order: int, epsilon: float) -> float:
     return max(float(np.abs(run[s] - full[s]).max()) for s in system.x)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "order"), crossed(CASES, [0, 1, 2]))
 def test_the_flow_of_order_n_is_in_error_by_epsilon_to_the_n_plus_one(name: str, order: int) -> None:
     system, start = CASES[name]

@@ -64,6 +64,7 @@ def test_van_der_pol_reaches_its_fold_at_the_exact_time_and_place(rtol, method):
     assert trajectory.message.endswith("integrate the full system across the fold")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [-40, 40])
 def test_how_a_run_ends_does_not_depend_on_the_unit_of_the_fast_rate(power):
     unit = sp.Integer(2) ** power
@@ -331,6 +332,7 @@ def test_a_change_of_sign_through_a_pole_is_no_event():
 # Pairs
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("order", [0, 2])
 def test_a_hopf_point_of_the_layer_problem_ends_the_reduction(order):
     system = SlowFastSystem(
@@ -478,6 +480,7 @@ def test_a_start_on_an_implicit_fold_is_refused():
         run(VAN_DER_POL, {"x": 1, "y": -2 / 3}, near=ON_VAN_DER_POL)
 
 
+@pytest.mark.exhaustive
 def test_hyperbolic_runs_are_not_stopped():
     for system, start in (
         (systems.sleigh(), {"v": 1.0, "p": 1.04, "w": 0.0}),

@@ -13,6 +13,7 @@ from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem
 
 
+@pytest.mark.exhaustive
 def test_rates_with_long_determinants_are_written_as_programs_and_are_those_of_m0() -> None:
     """Five fast variables in exponentials: det g_y has some thousand terms, and the program some hundred steps."""
     x, epsilon = sp.symbols("x epsilon")

@@ -157,6 +157,7 @@ def test_runs_of_stiff_problems_are_within_three_tolerances_at_their_end_and_bet
     assert max(max(both) for both in errors.values()) < 3, errors
 
 
+@pytest.mark.exhaustive
 def test_loose_tolerances_are_met_over_an_output_grid_in_few_attempts() -> None:
     # 702 runs. With the Jacobian of a step's start, guesses of degree 5 whatever the step and steps that only the error
     # held back, 110 attempts were rejected, the field was called 97,279 times, and the worst error was 12 tolerances.

@@ -122,6 +122,7 @@ def test_robertson_against_radau():
     assert ours.y == pytest.approx(reference.y, rel=1e-7)
 
 
+@pytest.mark.exhaustive
 def test_van_der_pol_through_a_jump_against_radau():
     mu = 1000
     field = VectorField({x: y, y: mu * (1 - x**2) * y - x}, epsilon=None)

@@ -76,6 +76,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("case", "order"), crossed(CASES, [0, 1, 2]))
 def test_every_member_ends_as_its_run_alone(case, order):
     system, near, starts, span, expected = CASES[case]
@@ -88,6 +89,7 @@ def test_every_member_ends_as_its_run_alone(case, order):
         assert order or met == expected
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
 def test_with_every_method_over_epsilon_and_threads(method):
     flow = reduced(VAN_DER_POL, {"x": 2, "y": 2 / 3}, 1)

@@ -37,6 +37,7 @@ def test_a_process_is_begun_only_when_something_is_compiled(monkeypatch: pytest.
     assert multiprocessing.active_children() == []
 
 
+@pytest.mark.exhaustive
 def test_the_second_process_ends_when_the_first_is_killed(tmp_path: Path) -> None:
     # It holds the pipe of the output, which is read to its end.
     found = run(

@@ -96,6 +96,7 @@ def test_processes_that_compile_at_once_never_share_a_file(
         assert file.load(("float64", "another processor")) is None
 
 
+@pytest.mark.exhaustive
 @KNOWN_FROM_WITHIN
 def test_a_kernel_is_compiled_again_when_one_that_it_calls_has_changed(package: Path) -> None:
     (package / "inner.py").write_text(
@@ -114,6 +115,7 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_has_changed(package: 
         assert found.stdout.strip() == value, found.stderr
 
 
+@pytest.mark.exhaustive
 def test_without_a_folder_for_it_the_cache_is_left_out_and_that_is_said_once(
     package: Path, tmp_path: Path
 ) -> None:
@@ -256,6 +258,7 @@ def test_orbits_by_collocation_compile_their_linear_system_alone(tmp_path: Path)
     }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("plain", thinned(["", "1"], 2))
 def test_with_and_without_its_own_cache_the_package_solves_and_leaves_the_process_as_it_was(
     plain: str, tmp_path: Path

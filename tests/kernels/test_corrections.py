@@ -6,6 +6,7 @@ from collections import Counter
 from math import factorial, prod
 
 import numpy as np
+import pytest
 import sympy as sp
 from numpy.polynomial import polynomial
 
@@ -84,6 +85,7 @@ def test_the_correction_leaves_a_thirtieth_of_the_error_over_all_trees_of_order_
     assert np.abs(terms).sum(axis=1).max() < 0.34
 
 
+@pytest.mark.exhaustive
 def test_corrected_values_in_a_step_are_ten_times_as_good_as_the_dense_output():
     field = VectorField({x: y, y: (1 - x**2) * y - x}, epsilon=None)
     asked = {"start": {"x": 2.0, "y": 0.5}, "span": (0, 0.5), "method": Method.DOP853}

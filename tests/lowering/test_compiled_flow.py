@@ -231,6 +231,7 @@ def smooth_expressions() -> st.SearchStrategy[sp.Expr]:
     )
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=10)
 @given(
     smooth_expressions(),
@@ -355,6 +356,7 @@ def at_once(count, function):
     return found
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
 def test_threads_that_use_a_flow_first_and_together_get_the_same_bits(method):
     u, w = sp.symbols("u w")

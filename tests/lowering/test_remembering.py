@@ -157,6 +157,7 @@ ORDERS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="fresh processes are made by fork")
 @pytest.mark.parametrize("orders", sampled(ORDERS, always=["a few"]))
 def test_no_answer_depends_on_what_ran_before(orders):
@@ -241,12 +242,14 @@ def systems_in_use(i: int) -> list:
     return [weakref.ref(system), weakref.ref(flow), weakref.ref(lowering.compile_flow(flow))]
 
 
+@pytest.mark.exhaustive
 def test_systems_are_released():
     living = [one for i in range(12) for one in systems_in_use(i)]
     gc.collect()
     assert sum(one() is not None for one in living) == 0
 
 
+@pytest.mark.exhaustive
 def test_machine_code_is_released(monkeypatch):
     build, engines = compiled_function.build, []
 
@@ -265,6 +268,7 @@ def test_machine_code_is_released(monkeypatch):
     assert sum(one() is not None for one in engines) <= lowering.MOST_KEPT
 
 
+@pytest.mark.exhaustive
 def test_code_in_use_is_good_however_much_came_after():
     field = VectorField({x: -3 * x}, epsilon=None)
     lowering.compile_flow(field).field  # noqa: B018 - compiled here, and lost from the cache below

@@ -269,6 +269,7 @@ def test_three_velocities_under_one_turning_constraint_get_a_frame() -> None:
 entry = st.integers(-3, 3)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=5)
 @given(st.lists(entry, min_size=16, max_size=16), st.lists(entry, min_size=8, max_size=8), st.integers(1, 2))
 def test_constant_constraints_obey_dalembert(numbers: list[int], forms: list[int], k: int) -> None:

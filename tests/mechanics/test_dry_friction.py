@@ -90,6 +90,7 @@ def test_the_full_system_sticks_until_then_and_slips_after() -> None:
     assert slips[2] > 1e-3
 
 
+@pytest.mark.exhaustive
 def test_a_law_that_overshoots_holds_on_longer() -> None:
     stribeck = W / sp.sqrt(1 + W**2) + W / (1 + W**2)
     start = {"x": 0, "y": 0, "phi": 0.1, "v": -1.5, "omega": 0.3}
@@ -100,6 +101,7 @@ def test_a_law_that_overshoots_holds_on_longer() -> None:
     assert weak.loss is LossKind.SLIP_ONSET
 
 
+@pytest.mark.exhaustive
 def test_a_sleigh_that_slips_comes_to_stick_as_scipys_does() -> None:
     """Sliding with F = 0.9 against the slip, by the equations in (v, omega, w) written by hand, until w = 0."""
     force = 0.9
@@ -163,6 +165,7 @@ def test_friction_in_a_plane_is_against_the_slip_where_the_cone_is_round() -> No
     assert [float(f) for f in forces] == pytest.approx([-0.6 * bears, -0.8 * bears])
 
 
+@pytest.mark.exhaustive
 def test_the_reduced_flows_of_a_sticking_sleigh_have_their_slopes() -> None:
     scene = sleigh(force=3.0).scene(
         region={"v": (-2, 2), "omega": (-2, 2), "w": (-1, 1)},

@@ -245,6 +245,7 @@ SYSTEMS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(list(SYSTEMS), 2))
 def test_the_slip_is_minus_epsilon_times_the_damped_multiplier(name: str) -> None:
     defect = SYSTEMS[name]().slip_defect()
@@ -281,6 +282,7 @@ def test_slow_momenta_feel_no_friction() -> None:
             assert pull.applyfunc(lambda e: sp.trigsimp(sp.cancel(e))).is_zero_matrix
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(list(SYSTEMS), 2))
 def test_the_standard_form_is_the_field_in_other_coordinates(name: str) -> None:
     system = SYSTEMS[name]()
@@ -597,6 +599,7 @@ def test_kinetic_damping_does_not_depend_on_how_constraints_are_written(case: st
     assert any(sp.simplify(a - b) != 0 for a, b in forces)
 
 
+@pytest.mark.exhaustive
 def test_kinetic_damping_is_the_metric_of_footnote_3() -> None:
     """|w|^2_B is the kinetic energy's norm of the velocity's part orthogonal to the distribution."""
     friction = kinetic_disc(SCALINGS["rows mixed"], "kinetic")

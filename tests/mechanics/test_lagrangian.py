@@ -55,6 +55,7 @@ def test_a_free_particle_seen_from_a_rotating_frame_moves_straight() -> None:
     np.testing.assert_allclose(seen, 1 + 0.5j + velocity * times, rtol=0, atol=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_equations_agree_with_the_derivation_of_sympy() -> None:
     a, b, adot, bdot, l1, l2 = sp.symbols("a b adot bdot l1 l2")
     T = m * l1**2 * adot**2 + m * l2**2 * bdot**2 / 2 + m * l1 * l2 * adot * bdot * sp.cos(a - b)
@@ -121,6 +122,7 @@ def test_a_mass_that_grows_with_time_brakes() -> None:
 small = st.integers(-3, 3)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=10)
 @given(st.lists(small, min_size=8, max_size=8))
 def test_energy_is_conserved_for_any_lagrangian_of_positions_and_velocities(c: list[int]) -> None:

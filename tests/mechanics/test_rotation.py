@@ -51,6 +51,7 @@ def matrices(run) -> np.ndarray:
     return values.T.reshape(-1, 3, 3)
 
 
+@pytest.mark.exhaustive
 def test_the_matrix_turns_at_the_angular_velocity_in_space_and_in_the_body() -> None:
     on_sphere = sp.sqrt(1 - sum(q**2 for q in turn.coordinates[1:]))
     q1, q2, q3 = sp.symbols("a b c", real=True)
@@ -87,6 +88,7 @@ def test_a_rotation_about_an_axis_is_rodrigues() -> None:
         rotation("2 q")
 
 
+@pytest.mark.exhaustive
 def test_eulers_equations_follow_from_the_lagrangian_over_quaternions() -> None:
     free = constrain(body(), [], frame=dict(zip(OMEGA, turn.body)))
     a, b, c = OMEGA
@@ -103,6 +105,7 @@ def test_eulers_equations_follow_from_the_lagrangian_over_quaternions() -> None:
     assert matrices(run)[:, 1, 1].min() < -0.9
 
 
+@pytest.mark.exhaustive
 def test_a_top_goes_through_the_pole_of_eulers_angles() -> None:
     """Upright is where they are singular: a top that stands there and turns slowly falls, and comes back."""
     equal = {INERTIA[0]: 1, INERTIA[1]: 1, INERTIA[2]: 1, g: 1}
@@ -143,6 +146,7 @@ def test_the_raw_equations_and_the_frame_agree_and_keep_the_constraint() -> None
     assert free.growth_vector == (3,)
 
 
+@pytest.mark.exhaustive
 def test_a_chaplygin_ball_keeps_its_angular_momentum_about_the_contact_and_its_energy() -> None:
     limit = chaplygin_ball().limit
     assert limit.energy_rate() == 0
@@ -159,6 +163,7 @@ def test_a_chaplygin_ball_keeps_its_angular_momentum_about_the_contact_and_its_e
     assert np.ptp(spin[:, 0]) > 0.1
 
 
+@pytest.mark.exhaustive
 def test_friction_tends_to_the_chaplygin_ball_that_rolls() -> None:
     ball = chaplygin_ball()
     assert sp.expand(ball.energy_rate() - ball.dissipation()) == 0

@@ -155,6 +155,7 @@ def test_every_kind_has_an_outcome() -> None:
     assert len(RUN) + len(EXACT) + len(REFUSED) >= 30
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(RUN, 4))
 def test_a_kind_runs_without_an_epsilon_as_its_rates_by_hand_do(name: str) -> None:
     rates, start, fast = RUN[name]
@@ -173,6 +174,7 @@ def test_a_kind_runs_without_an_epsilon_as_its_rates_by_hand_do(name: str) -> No
         assert run[state.name][-1] == pytest.approx(expected[state.name], rel=1e-6, abs=1e-7 * size), state
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", EXACT)
 def test_a_kind_with_jumps_ends_where_it_does_in_closed_form(name: str) -> None:
     scene = gsp.load(FOLDER / name)

@@ -52,6 +52,7 @@ def test_every_mechanical_name_gives_its_lagrangian_system() -> None:
         models.lagrangian_system("kar")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(SCENES, 2))
 def test_friction_is_the_limit_of_its_constraints(name: str) -> None:
     system = models.friction_system(name)

@@ -46,6 +46,7 @@ def test_symbols_carry_no_assumptions_so_that_a_users_own_compare_equal(name):
         assert symbol == sp.Symbol(symbol.name)
 
 
+@pytest.mark.exhaustive
 @every_scene
 def test_the_start_is_in_the_region_and_the_field_is_finite_there(name):
     scene = models.load(name)
@@ -67,6 +68,7 @@ def test_reconstruction_extends_the_states_and_does_not_feed_back(name):
 
 
 # Runs of SciPy on rates in Python are slow.
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(models.names(), always=("chaplygin_sleigh", "van_der_pol")))
 def test_the_trajectory_stays_in_the_region_and_ends_on_the_attracting_sheet(name):
     scene = models.load(name)

@@ -91,6 +91,7 @@ def agree(found: sp.Expr, wanted: sp.Expr, places: dict[sp.Symbol, sp.Rational])
 PLACE = {z: sp.Rational(3, 7), k: sp.Rational(5, 4)}
 
 
+@pytest.mark.exhaustive
 def test_the_published_system_has_the_exact_coefficients_of_its_double_series() -> None:
     found = gsp.nest(published(), small=["epsilon", "delta"])
     root = sp.sqrt(1 - z)
@@ -118,6 +119,7 @@ def test_the_published_system_has_the_exact_coefficients_of_its_double_series() 
     assert agree(found.reduced_field[1, 1][z], -z * series[1, 1][1], PLACE)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("make", [published, cascade, plane])
 def test_the_slopes_are_one_and_two_in_each_small_parameter_and_in_both(make) -> None:
     found = gsp.nest(make(), small=["epsilon", "delta"])
@@ -179,6 +181,7 @@ def test_implicit_manifolds_are_nested_too() -> None:
     assert f"{x0} is x on C1" in found.explain()
 
 
+@pytest.mark.exhaustive
 def test_time_may_be_that_of_any_scale() -> None:
     """epsilon x' with delta z', and the fastest time, in which neither divides, have the series of the slow time."""
     f, g, h = -z + y / 2, z - 2 * y + x, y - 3 * x + z

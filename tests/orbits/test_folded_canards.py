@@ -46,6 +46,7 @@ def node(system: gsp.SlowFastSystem, **region: tuple[float, float]) -> gsp.Folde
     return found
 
 
+@pytest.mark.exhaustive
 def test_the_frame_takes_fast_rates_that_switch_elsewhere() -> None:
     smooth = normal_form(sp.Rational(1, 9))
     gated = gsp.SlowFastSystem(
@@ -208,6 +209,7 @@ def test_a_change_of_variables_changes_nothing() -> None:
 # -- Koper's model ---------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_koper_has_its_strong_and_six_secondary_canards(koper: gsp.CanardOrbits) -> None:
     assert koper.expected == 6
     assert koper.missing == ()

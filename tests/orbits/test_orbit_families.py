@@ -173,6 +173,7 @@ def test_roesslers_first_period_doubling() -> None:
 # -- the canard explosion ----------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_van_der_pols_explosion_from_the_hopf_point_to_relaxation(explosion) -> None:
     assert explosion.status is Status.BOUND_REACHED
     assert explosion["a"][-1] == 0.9

@@ -78,6 +78,7 @@ def test_the_estimated_error_is_the_error_within_a_factor_of_two(degree: int) ->
     assert 0.5 < interval_errors(cycle, np.ones(2)).max() / true < 2
 
 
+@pytest.mark.exhaustive
 def test_a_cycle_known_exactly_is_found_in_any_coordinates() -> None:
     rng = np.random.default_rng(3)
     M = sp.Matrix(3, 3, [sp.Rational(int(v), 4) for v in rng.integers(-5, 6, 9)])
@@ -161,6 +162,7 @@ def test_relaxation_at_a_millionth_needs_few_intervals() -> None:
     assert orbit.period * mu == pytest.approx(series, abs=1e-4)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("epsilon", [1e-10, 1e-12, 5e-13, 2.972e-13])
 def test_relaxation_converges_where_phases_are_too_coarse_for_its_jumps(epsilon: float) -> None:
     # A jump takes the share epsilon of the period, and rounding moves the state at a phase by 1e-16/epsilon: the run
@@ -286,6 +288,7 @@ def test_crossings_are_phases() -> None:
     assert orbit.crossings("x", 2.0).size == 0
 
 
+@pytest.mark.exhaustive
 def test_a_reduced_flow_has_the_period_to_its_order() -> None:
     system = gsp.SlowFastSystem(
         slow={x: x - y - x * z, y: x + y - y * z + x**2 / 4}, fast={z: x**2 + y**2 + x / 2 - z}, epsilon=eps

@@ -292,6 +292,7 @@ def test_poles_and_branch_points_are_named_with_where(rate: sp.Expr) -> None:
     assert "x in [0, " in found.reason
 
 
+@pytest.mark.exhaustive
 def test_parameters_may_be_intervals() -> None:
     found = certify(branch({y: x - c * y}, parameters={c: 1}), region={"x": (0, 1), "c": (0.5, 2.0)})
     assert found.verdict is PROVED
@@ -315,6 +316,7 @@ def test_ends_that_are_no_doubles_are_rounded_outwards_and_witnesses_are_inside(
     )
 
 
+@pytest.mark.exhaustive
 def test_the_normal_rate_has_to_dominate_where_epsilon_is_given() -> None:
     slow = {x: -10 * x}
     found = certify(branch({y: x - y}, slow=slow), region={"x": (0, 1)}, epsilon=0.05)
@@ -415,6 +417,7 @@ def test_a_branch_that_is_symmetric_about_the_middle_is_cut_across_its_symmetry(
     assert float(found.gap) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [1, 2])
 @pytest.mark.parametrize("width", [sp.Rational(1, 10**5), sp.Rational(1, 250000000)])
 def test_a_sliver_beyond_doubles_is_refuted(power: int, width: sp.Rational) -> None:
@@ -435,6 +438,7 @@ def test_a_sliver_beyond_doubles_is_refuted(power: int, width: sp.Rational) -> N
     assert 0.9 * 0.25 * 2.63 < kept.gap <= 0.25 * 2.63
 
 
+@pytest.mark.exhaustive
 def test_overflow_is_no_missing_point(monkeypatch: pytest.MonkeyPatch) -> None:
     # The derivative by x is inf/inf in doubles; balls are too wide to decide.
     monkeypatch.setattr(refutation, "LINE_BOXES", 10)
@@ -448,6 +452,7 @@ def test_overflow_is_no_missing_point(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 0.99 < decided.gap <= 1.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("steepness", [10**4, 250000000])
 def test_a_steep_gate_is_decided(steepness: int) -> None:
     gate = 1 / (1 + sp.exp(-steepness * (x - sp.Rational(1, 3))))

@@ -38,6 +38,7 @@ def test_what_is_refuted_has_status_1_and_leaves_no_file(tmp_path: Path) -> None
     assert not file.exists()
 
 
+@pytest.mark.exhaustive
 def test_what_is_undecided_has_status_3() -> None:
     slow = run("check", "fitzhugh_nagumo", "--prove", "--epsilon", "5", "--json")
     assert slow.exit_code == 3

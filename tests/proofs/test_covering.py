@@ -23,6 +23,7 @@ def branch(system: gsp.SlowFastSystem, **through: float):
     return gsp.solve_critical(system).branches[0].through(through)
 
 
+@pytest.mark.exhaustive
 def test_boxes_are_cut_until_the_normal_rate_is_proved_to_dominate(tmp_path) -> None:
     sheet = branch(WIDE, x=1.0, y=1.0)
     alone = gsp.certify(sheet, region={"x": (0, 2)})
@@ -40,6 +41,7 @@ def test_boxes_are_cut_until_the_normal_rate_is_proved_to_dominate(tmp_path) -> 
     assert verify(tmp_path / "proof.json").gap == pytest.approx(found.gap, rel=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_where_the_gap_itself_is_too_small_nothing_is_cut() -> None:
     sheet = branch(WIDE, x=1.0, y=1.0)
     alone, found = (gsp.certify(sheet, region={"x": (0, 2)}, **given) for given in ({}, {"epsilon": 2.0}))
@@ -49,6 +51,7 @@ def test_where_the_gap_itself_is_too_small_nothing_is_cut() -> None:
     assert found.tried <= alone.tried + 4
 
 
+@pytest.mark.exhaustive
 def test_the_budget_bounds_the_cuts() -> None:
     sheet = branch(WIDE, x=1.0, y=1.0)
     alone = gsp.certify(sheet, region={"x": (0, 2)})
@@ -58,6 +61,7 @@ def test_the_budget_bounds_the_cuts() -> None:
     assert alone.gap < found.gap < 0.0999999
 
 
+@pytest.mark.exhaustive
 def test_the_parts_that_are_left_cover_the_box() -> None:
     found = gsp.certify(branch(WIDE, x=1.0, y=1.0), region={"x": (0, 2)}, epsilon=0.09)
     covering: Covering = found._covering

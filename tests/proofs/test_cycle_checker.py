@@ -167,6 +167,7 @@ def test_a_changed_proof_is_rejected(proof: dict, name: str) -> None:
     assert refused(other)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "change",
     [
@@ -203,6 +204,7 @@ def test_both_annuli_are_written_and_verified(system: gsp.SlowFastSystem, start:
     assert checked.annuli[-1].unique
 
 
+@pytest.mark.exhaustive
 def test_an_annulus_without_uniqueness_is_not_called_unique(tmp_path: Path) -> None:
     found = gsp.certify(orbit_of(van_der_pol(), 2, 0.6), epsilon=0.5)
     assert found.epsilon_1 == 0.0

@@ -85,6 +85,7 @@ def test_constant_fields_cross_the_edges_that_they_cross() -> None:
         assert crosses(str(f), str(g), (3, 5), (3 + dx, 5 + dy), side) is said, (dx, dy, side, f, g)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("f", "g", "two"),
     [

@@ -103,6 +103,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", CASES)
 def test_promised_systems_are_proved_in_few_boxes(name: str) -> None:
     make, region, counts, most = CASES[name]

@@ -26,6 +26,7 @@ def thin(value: Fraction) -> ia.Interval:
     return ia.of(value)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("text", SMOOTH)
 def test_rational_functions_have_the_derivatives_of_their_quotients(text: str) -> None:
     program = IntervalProgram(("z0", text), 3)

@@ -40,6 +40,7 @@ def ambient() -> Iterator[None]:
     flint.ctx.prec = before
 
 
+@pytest.mark.exhaustive
 def test_four_threads_prove_what_one_does() -> None:
     alone = [proved(fast) for fast in FAST]
     assert len({gap for gap, *_ in alone}) == len(FAST)

@@ -88,6 +88,7 @@ def test_a_point_of_a_branch_is_held_where_its_formula_has_no_value(graph, width
     assert float(ball.rad()) <= width
 
 
+@pytest.mark.exhaustive
 def test_growth_along_the_slow_flow_is_bounded_no_closer_than_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[object] = []
     over = tangential._Rates.over

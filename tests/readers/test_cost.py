@@ -37,6 +37,7 @@ def test_pieces_that_equations_share_are_checked_once(monkeypatch: pytest.Monkey
     assert len(seen) < 20
 
 
+@pytest.mark.exhaustive
 def test_what_expressions_share_is_built_and_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     built: Counter = Counter()
     looked_at: Counter = Counter()

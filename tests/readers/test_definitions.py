@@ -160,6 +160,7 @@ def test_what_a_file_writes_out_in_all_is_bounded(tmp_path: Path) -> None:
         gsp.load(path)
 
 
+@pytest.mark.exhaustive
 def test_a_network_of_two_thousand_states_is_read(tmp_path: Path) -> None:
     n = 2000
     text = (

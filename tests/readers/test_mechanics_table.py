@@ -65,6 +65,7 @@ VISCOUS = SLED.replace('law = "coulomb"\nmu = "mu"\nnormal = "m*g"\n', "damping 
 SCHEMA = json.loads(files("gsp.readers").joinpath("model.schema.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.exhaustive
 def test_a_sled_starts_from_its_lagrangian() -> None:
     scene = read_model(SLED, name="sled")
     v, omega, w, m, J, a, mu, g, epsilon = sp.symbols("v omega w m J a mu g epsilon")

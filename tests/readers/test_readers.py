@@ -349,6 +349,7 @@ def test_the_largest_text_that_is_allowed_is_read_quickly(text):
         assert isinstance(parse(text), sp.Expr)
 
 
+@pytest.mark.exhaustive
 @given(st.text(max_size=60))
 @settings(max_examples=100)
 def test_random_text_raises_nothing_but_our_own_error(text):
@@ -356,6 +357,7 @@ def test_random_text_raises_nothing_but_our_own_error(text):
         parse(text)
 
 
+@pytest.mark.exhaustive
 @given(
     st.lists(
         st.sampled_from([*"xyz012.e+-*/^(),", "**", " ", "sin(", "log(", "sqrt(", "max(", "pi"]), max_size=25
@@ -408,6 +410,7 @@ def test_constants_that_nearly_cancel_are_read():
     assert parse("x^0 - tanh(13.82)") == 1 - sp.tanh(sp.Rational(691, 50))
 
 
+@pytest.mark.exhaustive
 @given(TREES)
 @settings(max_examples=200)
 def test_a_printed_tree_is_read_back_as_itself(tree):

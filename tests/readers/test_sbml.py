@@ -662,6 +662,7 @@ def test_laws_are_sought_up_to_so_many_entries(
     assert (laws if laws is None else len(laws)) == found
 
 
+@pytest.mark.exhaustive
 @given(
     st.lists(st.lists(st.integers(-2, 2), min_size=1, max_size=4), min_size=1, max_size=6).filter(
         lambda rows: len({len(row) for row in rows}) == 1

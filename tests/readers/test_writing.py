@@ -44,6 +44,7 @@ def same(scene: gsp.Scene, path: Path) -> gsp.Scene:
     return back
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(gsp.models.names(), 2))
 def test_built_in_scenes_return(name, tmp_path):
     scene = gsp.models.load(name)

@@ -200,6 +200,7 @@ def test_a_file_without_a_small_parameter_is_a_model_without_one(tmp_path: Path)
         import_model(path, small="q")
 
 
+@pytest.mark.exhaustive
 def test_the_command_line_writes_a_model_file(tmp_path: Path) -> None:
     source = tmp_path / "model.ode"
     source.write_text(MODEL.format(line="set fast {eps=.1}"))

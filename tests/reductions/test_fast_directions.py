@@ -36,6 +36,7 @@ def scene_of(field: VectorField) -> gsp.Scene:
     return gsp.Scene(field, region, start, (0, 10), tolerance=1e-3)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "masses", thinned([[R(1), R(1, 2)], [R(1), R(2), R(1)], [R(1), R(3, 2), R(1, 2), R(2)]], 3)
 )

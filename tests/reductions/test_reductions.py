@@ -213,6 +213,7 @@ RAW = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name", [n if n in ("motor", "battery") else pytest.param(n, marks=pytest.mark.exhaustive) for n in RAW]
 )
@@ -346,6 +347,7 @@ def test_what_fades_over_the_run_is_not_fast_in_it() -> None:
     assert any("u1, u2" in each.name and not each.why_not for each in longer.found)
 
 
+@pytest.mark.exhaustive
 def test_the_parameter_that_divides_the_fast_rate_is_named() -> None:
     found = find_reductions(scene(*RAW["motor"][:4]))
     assert found.recommended is not None
@@ -362,6 +364,7 @@ def test_a_parameter_that_divides_fast_rates_but_makes_one_direction_fast_is_not
     assert [s.name for s in gsp.study(both.scene).system.x] == ["Tw"]
 
 
+@pytest.mark.exhaustive
 def test_a_scene_with_a_small_parameter_is_looked_at_without_it() -> None:
     found = find_reductions(gsp.models.load("linear"), tolerance=0.1)
     assert found.scene.epsilon is None
@@ -387,6 +390,7 @@ def test_special_values_of_the_parameters_stand_beside_with_their_errors() -> No
     assert {"vanishing": ["e0"], "manifold": ["c"], "error": little.error} in found.as_dict()["special"]
 
 
+@pytest.mark.exhaustive
 def test_a_parameter_that_divides_a_rational_rate_is_a_special_value_with_its_error() -> None:
     tau, end = 0.01, 4.0
     equations = {"u": "p - u*o", "o": "(u**2/(1 + u**2) - o)/tau"}
@@ -480,6 +484,7 @@ def test_what_grows_from_what_the_layer_leaves_is_reduced_from_order_1_on() -> N
     assert (choice.verdict.answer in (Answer.YES, Answer.AS_FAST), choice.names) == (True, ("T", "I"))
 
 
+@pytest.mark.exhaustive
 def test_the_order_in_the_table_is_the_one_in_the_answer() -> None:
     found = find_reductions(enzyme(0.01, 5.0, 0.1, 40.0), tolerance=1e-5)
     assert found.study is not None
@@ -492,9 +497,10 @@ def test_the_order_in_the_table_is_the_one_in_the_answer() -> None:
         ]
         full = replace(choice.candidates[-1], timings=(0.1, 0.1))
         made = replace(choice, candidates=(*costs, full), model=full)
-        best = found.with_costs(made).recommended
-        assert best is not None
-        assert best.order == quickest.order
+        told = found.with_costs(made)
+        assert told.recommended is not None
+        assert told.recommended.order == quickest.order
+        assert f", to order {quickest.order}; its error" in told.reason
 
 
 def test_a_filter_that_a_slow_oscillator_drives_is_measured_by_what_it_lets_through() -> None:
@@ -637,6 +643,7 @@ def test_an_error_that_was_measured_goes_before_what_is_predicted(
         assert found.holds_until == (asked.span[1] if valid else 2.0)
 
 
+@pytest.mark.exhaustive
 def test_choose_takes_the_errors_that_a_study_has() -> None:
     study = gsp.study(gsp.models.load("michaelis_menten"))
     told = choose(study, solve=False, tolerance=1e-3)
@@ -697,6 +704,7 @@ def test_a_sum_that_is_all_but_conserved_is_no_reduced_model() -> None:
     assert not found.solved
 
 
+@pytest.mark.exhaustive
 def test_the_error_is_told_over_what_it_was_measured_on() -> None:
     given = {"x": "-x", "y": "20*(x - y)"}
     found = find_reductions(scene(given, {}, {"x": 1, "y": 3}, 2))

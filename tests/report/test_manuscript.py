@@ -187,6 +187,7 @@ def test_a_number_that_is_off_is_seen() -> None:
         assert unknown(text.replace(right, wrong), content) == pytest.approx([value])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["van_der_pol", "michaelis_menten"])
 def test_a_small_model_takes_two_pages_as_it_is(folders, name) -> None:
     printed = compiled(folders(name))

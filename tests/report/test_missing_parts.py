@@ -126,6 +126,7 @@ def test_a_stage_that_fails_costs_what_is_made_of_it(stage, combined, monkeypatc
     assert numbers == list(range(1, len(numbers) + 1))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "error", [GspError("no <such> thing"), ZeroDivisionError(), np.linalg.LinAlgError("singular")]
 )

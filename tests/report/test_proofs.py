@@ -33,6 +33,7 @@ def van_der_pol() -> Analysis:
     return analysis_of("van_der_pol")
 
 
+@pytest.mark.exhaustive
 def test_a_proof_stands_beside_the_verdict() -> None:
     found = classify(branch(x - 2 * y), region={"x": (0, 1)}, epsilon=0.1, prove=True)
     assert found.holds
@@ -75,6 +76,7 @@ def test_what_is_undecided_stays_sampled() -> None:
     assert touching.evidence.startswith("sampled at ")
 
 
+@pytest.mark.exhaustive
 def test_what_cannot_be_proved_is_refused_by_name() -> None:
     with pytest.raises(UnsupportedFunctionError, match="erf"):
         classify(branch(-(2 + sp.erf(x)) * y), region={"x": (0, 1)}, prove=True)

@@ -22,6 +22,7 @@ def found():
     return gsp.find_reductions(gsp.Scene(motor, {}, {"i": 0, "w": 0}, (0, 5), tolerance=0.01))
 
 
+@pytest.mark.exhaustive
 def test_the_page_begins_with_the_time_scales_the_table_and_the_reason(found, tmp_path, monkeypatch) -> None:
     assert found.taken is not None
     analysis = gsp.analyse(found.taken.scene, order=1, orders=(0, 1))

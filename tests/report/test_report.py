@@ -128,6 +128,7 @@ def test_series_parse_back_to_themselves(sleigh):
                 assert sp.cancel(parse_expression(text, symbols=symbols) - expression) == 0
 
 
+@pytest.mark.exhaustive
 def test_exact_slopes_are_null_and_standard_coordinates_the_identity():
     content = as_json(analysis_of("davis_skodje"))
     assert content["comparison"]["variables"]["slope"]["values"] == [None] * 4
@@ -292,6 +293,7 @@ def test_an_older_report_is_replaced_and_other_files_stay(sleigh, quick, tmp_pat
     assert _strict((target / "report.json").read_text(encoding="utf-8"))["figures"] == ["time_series.png"]
 
 
+@pytest.mark.exhaustive
 def test_folders_are_made_readable_and_with_their_parents(sleigh, quick, tmp_path):
     page = write_report(sleigh, tmp_path / "a" / "b")
     assert page == tmp_path / "a" / "b" / "report.html"
@@ -326,6 +328,7 @@ def test_a_full_disk_is_an_output_error(sleigh, quick, monkeypatch, tmp_path):
         write_report(sleigh, tmp_path / "report")
 
 
+@pytest.mark.exhaustive
 def test_progress_rises_to_one(sleigh, quick, tmp_path):
     shares: list[float] = []
     write_report(sleigh, tmp_path / "report", progress=shares.append)
@@ -373,6 +376,7 @@ def test_a_product_of_words_is_not_set_as_one_word():
     assert "mspace" not in setter.row(2 * sigma * m)
 
 
+@pytest.mark.exhaustive
 def test_page_and_json_say_where_the_reduction_ends(monkeypatch, tmp_path):
     drawn = {"failure_map": lambda analysis: charts.failure_map(analysis.failures)}
     monkeypatch.setattr(charts, "applicable", lambda _: drawn)

@@ -39,6 +39,7 @@ def test_kopers_mixed_modes_are_counted():
     assert not found.is_large.all()
 
 
+@pytest.mark.exhaustive
 def test_a_scene_without_folds_has_no_phenomenon_beyond_them():
     assert phenomenon("michaelis_menten") is None
 

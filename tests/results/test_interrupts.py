@@ -134,6 +134,7 @@ VERBS = {
 
 
 # A whole run of the command each: two for every run, more for the exhaustive one.
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("seed", "places"), [(5, 2), pytest.param(6, 5, marks=pytest.mark.exhaustive)], ids=["sample", "more"]
 )

@@ -29,6 +29,7 @@ def test_a_noun_of_a_user_has_the_faces_of_what_it_inherits_from() -> None:
     assert registry.tables.find(3) is None
 
 
+@pytest.mark.exhaustive
 def test_a_table_imports_no_matplotlib() -> None:
     code = (
         "import sys, gsp; from gsp.results import registry;"

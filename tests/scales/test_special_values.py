@@ -261,6 +261,7 @@ def test_a_pole_of_order_two_is_told_with_what_it_comes_from() -> None:
     assert "pole" not in found.message
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("is_reversible", "configurations", "moving", "alone"), [(False, 57, 16, 14), (True, 195, 82, 70)]
 )

@@ -89,6 +89,7 @@ WITHOUT = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", WITHOUT)
 def test_no_separation_is_an_answer(name: str) -> None:
     equations, start, end = WITHOUT[name]

@@ -224,3 +224,19 @@ def test_parameters_inside_functions_are_no_poles_and_hinder_nothing() -> None:
     ]
     with pytest.raises(DeclarationError, match=r"b stands in exp\(-b\*y\)"):
         take_small(before, parameter="b")
+
+
+def test_what_turns_turns_by_the_parameter_that_the_scene_names() -> None:
+    from tests.averaging.public import oscillator
+
+    scene = oscillator()
+    assert scene.phase is not None
+    assert take_small(scene, parameter=str(scene.system.epsilon)).phase == scene.phase
+    assert without_small(scene).phase is None
+
+
+def test_a_parameter_that_is_not_small_is_told_as_such(motor: gsp.Scene) -> None:
+    said = explain_small(take_small(motor, parameter="R"), motor)
+    assert said[:2] == ["small parameter: R = 1", "R = 1 is not small, and series in it are of no use"]
+    assert "rates are divided by R" in said[2]
+    assert said[2].endswith("fast in that time: i, w")

@@ -259,6 +259,7 @@ def test_a_start_off_a_sheet_that_repels_is_reduced_to_the_sheet_where_its_layer
         assert abs(study.branch.points(np.array([[0.1]]))[0, 0]) < 0.1
 
 
+@pytest.mark.exhaustive
 def test_a_start_off_a_saddle_settles_where_its_layer_does() -> None:
     """Hindmarsh and Rose, between the saddle and the sheet at rest, which is further away in the states' sizes."""
     u, v, z = sp.symbols("u v z")

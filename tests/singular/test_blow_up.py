@@ -175,6 +175,7 @@ def test_the_least_weights_keep_the_most_monomials(name: str) -> None:
     assert least_weights(diagram(monomials), (fast_at, slow_at, (len(names) - 1,))) == (found, k)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", [*PUBLISHED, "a folded node", "a swallowtail", "a Bogdanov-Takens point"])
 def test_charts_are_the_leading_field_by_the_chain_rule(name: str) -> None:
     if name in PUBLISHED:

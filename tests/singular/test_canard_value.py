@@ -231,6 +231,7 @@ def test_an_orbit_that_does_not_reach_the_fold_is_reported() -> None:
 # -- accuracy is told --------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_more_digits_than_the_series_has_are_refused_with_their_number() -> None:
     canard = canard_value(van_der_pol(), parameter=a)
     with pytest.raises(CanardError, match=r"has about 10 digits at epsilon = 0\.05"):
@@ -385,6 +386,7 @@ def test_the_nearest_canard_point_is_found_in_any_units(name) -> None:
         assert [float(point["I"]) for point in found.others] == pytest.approx([other], rel=1e-12)
 
 
+@pytest.mark.exhaustive
 def test_near_takes_the_nearest_canard_point_and_lists_the_others() -> None:
     found = canard_value(morris_lecar(90), parameter="I", order=0, near={"I": 83.6})
     assert float(found.coefficients[0]) == pytest.approx(83.645531767021, rel=1e-12)
@@ -401,6 +403,7 @@ def test_near_takes_the_nearest_canard_point_in_any_units(name, near: float) -> 
     assert [float(point["I"]) for point in found.others] == pytest.approx([other], rel=1e-12)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "gate", [(1 + sp.sign(x + 3)) / 2, sp.Abs(x + 3) / (x + 3), sp.Heaviside(x + 3), sp.Max(x + 3, 0) / (x + 3)]
 )

@@ -96,6 +96,7 @@ def test_a_double_well_tips_on_the_side_that_is_said() -> None:
     assert ends == [pytest.approx(float(low)), pytest.approx(float(high))]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", range(6))
 def test_no_verdict_is_wrong_about_wells_that_move_to_and_fro(seed: int) -> None:
     """Where the end of runs over l changes between rates there is one of those found, unless it is undecided."""
@@ -127,6 +128,7 @@ def test_a_ramp_past_a_fold_always_tips() -> None:
     assert "a fold on the way" in found.message
 
 
+@pytest.mark.exhaustive
 def test_a_push_that_ends_soon_enough_does_not_tip() -> None:
     """x' = x^2 - 1 + 8 l (1 - l): no rest point half way, and the one of the start where the ramp ends."""
     pushed = gsp.VectorField(states={x: x**2 - 1 + 8 * l * (1 - l)}, epsilon=None, parameters={l: 0})
@@ -140,6 +142,7 @@ def test_a_push_that_ends_soon_enough_does_not_tip() -> None:
         assert (run["x"][-1] > 1) == reached
 
 
+@pytest.mark.exhaustive
 def test_a_branch_that_folds_is_not_followed_on_another_sheet() -> None:
     """Cessi's two boxes under a pulse of fresh water past a fold: slow pulses tip, and fast ones are over too soon."""
     flux = sp.Rational(11, 10) + l - x * (1 + sp.Rational(62, 10) * (1 - x) ** 2)

@@ -82,12 +82,14 @@ def test_the_limit_of_stick_slip_is_a_slow_piece_and_a_flight(orbit: SingularOrb
     assert "O(epsilon ln epsilon)" in str(orbit)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("epsilon", sampled([1e-2, 1e-3, 1e-4], always=[1e-3]))
 def test_the_periods_are_those_of_a_stiff_run(epsilon: float) -> None:
     found = periodic_orbit(belt, start={"x": 0.3, "u": 0.2}, epsilon=epsilon)
     assert found.period == pytest.approx(stiff_period(epsilon), abs=1e-7)
 
 
+@pytest.mark.exhaustive
 def test_periods_approach_the_limit_with_the_power_of_the_fold(orbit: SingularOrbit) -> None:
     """(T - T_0)/epsilon^(2/3) -> T_1; what is left goes as epsilon^(1/3) ln epsilon and epsilon^(1/3)."""
     assert orbit.coefficients is not None

@@ -201,6 +201,7 @@ def test_the_critical_manifold_is_invariant_under_the_desingularised_flow() -> N
     assert sp.expand(sum(sp.diff(flow.g, symbol) * rate for symbol, rate in flow.rates.items())) == 0
 
 
+@pytest.mark.exhaustive
 def test_newton_s_method_and_algebra_agree() -> None:
     # cosh z - 1 has the fold of z^2/2; the sine keeps g_x f's derivatives at 0.
     analytic = gsp.SlowFastSystem(
@@ -233,6 +234,7 @@ def test_newton_s_method_finds_what_algebra_finds_in_koper_s_model(monkeypatch: 
         folded_singularities(koper(-7), region={"x": (-2, 2)})
 
 
+@pytest.mark.exhaustive
 def test_an_irrational_point_of_an_analytic_system_is_found_to_many_digits() -> None:
     moved = gsp.SlowFastSystem(
         slow={x: R(1, 9) * y - R(10, 9) * (z - 1), y: 1},
@@ -359,6 +361,7 @@ def test_slow_rates_that_switch_elsewhere_change_nothing_at_a_folded_singularity
     assert switching.reason == "the rates are not smooth here, where sign(x) switches"
 
 
+@pytest.mark.exhaustive
 def test_where_branches_cross_along_a_curve_no_folded_singularities_are_told() -> None:
     """An epidemic with slow loss of immunity: infected and healthy equilibria meet along a curve, which is no fold."""
     found = gsp.study(gsp.load(FOLDER / "sirs.toml"))

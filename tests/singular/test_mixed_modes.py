@@ -27,6 +27,7 @@ def koper(shift: float) -> SlowFastSystem:
 START = {"x": -1.5, "y": 0.5, "z": 0.5}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("shift", "small", "signature"), [(-6.5, 0.1, "1^1"), (-7, 0.05, "1^2"), (-6, 0.1, "1^0")]
 )

@@ -63,6 +63,7 @@ ANALYSES: dict[str, tuple[tuple[SlowFastSystem, SlowFastSystem], Callable]] = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", ANALYSES)
 def test_parameters_and_their_values_say_the_same(case: str) -> None:
     systems, analysis = ANALYSES[case]

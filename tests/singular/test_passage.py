@@ -543,6 +543,7 @@ def test_a_passage_that_takes_too_many_digits_is_refused_with_the_epsilon_that_i
     assert least < 1.05 * 0.5 / 1980 / math.log(10)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
 def test_early_exits_of_runs_that_round_differently_lie_well_within_their_band(method: Method) -> None:
     # Starts moved by 1e-9 round differently all along, as another processor does.
@@ -562,6 +563,7 @@ def test_early_exits_of_runs_that_round_differently_lie_well_within_their_band(m
         assert earliest + 0.01 < exit < latest - 0.01
 
 
+@pytest.mark.exhaustive
 def test_a_branch_at_zero_keeps_its_relative_precision_in_double() -> None:
     found = entry_exit(branch(system({y: 1}, {x: y * x - x**3})), start={"y": -0.7})
     measured = measure_delay(found, epsilon=0.004, radius=0.01)

@@ -34,6 +34,7 @@ def in_turned(M: sp.Matrix, point: list[float]) -> dict[str, float]:
     return {s.name: float(v) for s, v in zip((x, y, z), M.LUsolve(sp.Matrix(point)))}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("m", "length"), [(1, 3), (1, 2.5), (0.25, 4), (3, 3.6)])
 @pytest.mark.parametrize("decay", [-3, -sp.Rational(1, 5)])
 def test_a_parabola_among_other_states_has_its_rate(m: float, length: float, decay: sp.Expr) -> None:
@@ -129,6 +130,7 @@ RETURNING = [
 ]  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("change", "rate"), STAYING)
 def test_published_rates_of_plants_and_herbivores(change: float, rate: float) -> None:
     peak = sp.Rational(1, 2) + FOLD * sp.Rational(str(change))
@@ -140,6 +142,7 @@ def test_published_rates_of_plants_and_herbivores(change: float, rate: float) ->
     assert found.rates == (pytest.approx(rate, rel=2e-9),)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("change", "rate"), RETURNING)
 def test_published_points_of_return_of_plants_and_herbivores(change: float, rate: float) -> None:
     peak = sp.Rational(1, 2) + FOLD * sp.Rational(str(change))
@@ -151,6 +154,7 @@ def test_published_points_of_return_of_plants_and_herbivores(change: float, rate
     assert min(abs(r / rate - 1) for r in found.rates) < 2e-9
 
 
+@pytest.mark.exhaustive
 def test_the_orbit_leads_to_the_edge() -> None:
     peak = 0.6
     found = gsp.critical_rate(
@@ -206,6 +210,7 @@ PASSED = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.exhaustive] if "slips" in name else []) for name in PASSED]
 )

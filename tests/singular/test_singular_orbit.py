@@ -62,6 +62,7 @@ CASES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(CASES, 2))
 def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
     system, start = CASES[name]
@@ -78,6 +79,7 @@ def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
     assert steps[1] < 0.1
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "powers"),
     thinned(

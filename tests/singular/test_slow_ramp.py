@@ -33,6 +33,7 @@ def test_a_ramp_over_a_fold_and_back_tips_slowly_by_a_series_in_the_rate() -> No
     assert abs(series.difference) < 1e-8
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_the_series_is_off_by_its_next_term(order: int) -> None:
     """Amplitudes at rates that collocation found apart from it; the slope of what is missing."""
@@ -68,6 +69,7 @@ def test_the_compost_bomb_starts_where_it_is_said_to() -> None:
     assert found.edge is None
 
 
+@pytest.mark.exhaustive
 def test_the_rate_of_the_compost_bomb_does_not_depend_on_the_level() -> None:
     """Bisection of runs by SciPy's Radau, at levels of 30 and 60, ends between 0.08848328 and 0.08848335."""
     rates = [warming(EPSILON, level).rates[0] for level in (40, 90)]

@@ -28,6 +28,7 @@ def passage(name: str, faster: float) -> gsp.DelayedExit:
     return gsp.entry_exit(branch, start=START, region={"x": (-1, 3)})
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("faster", FASTER)
 @pytest.mark.parametrize("name", PASSED)
 def test_a_loss_that_is_passed_is_the_same(name: str, faster: float) -> None:

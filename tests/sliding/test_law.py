@@ -68,6 +68,7 @@ def test_the_two_ends_of_a_law_that_is_not_odd() -> None:
     assert "w = -0.5, flat from there on" in str(law)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", LAWS)
 def test_laws_tend_to_both_ends_and_are_odd(name: str) -> None:
     law = switch_law(name)

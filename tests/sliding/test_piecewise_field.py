@@ -32,6 +32,7 @@ def random_field(seed: int) -> PiecewiseField:
     return PiecewiseField(plus, minus, y + chance.randint(0, 2) * x - sp.Rational(chance.randint(0, 3), 2))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", thinned(range(20), 5))
 def test_the_reduced_flow_of_order_0_is_filippovs_sliding_field(seed: int) -> None:
     given = random_field(seed)
@@ -53,6 +54,7 @@ def test_the_reduced_flow_of_order_0_is_filippovs_sliding_field(seed: int) -> No
         assert sp.cancel(rate - sliding[s].xreplace(on_surface)) == 0
 
 
+@pytest.mark.exhaustive
 def test_the_corrections_have_the_slopes_of_the_theory() -> None:
     field = switching(
         plus={x: 1 + y, y: -1 - x**2, z: x},

@@ -71,6 +71,7 @@ def test_an_orbit_that_touches_the_surface_stays_on_its_side() -> None:
     assert Side.MINUS not in sides(touching)
 
 
+@pytest.mark.exhaustive
 def test_a_block_on_a_shaken_table_sticks_and_slips_as_the_stiff_run_does() -> None:
     """u' = A cos(t) - mu g sign(u), smoothed by tanh at epsilon = 1e-6: times of change to 1e-5."""
     rates = {t: sp.S.One, u: 3 * sp.cos(t) - 2}, {t: sp.S.One, u: 3 * sp.cos(t) + 2}
@@ -167,6 +168,7 @@ def test_wrong_calls_are_refused() -> None:
 OFTEN = [3, 7]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "number",
     [*OFTEN, *(pytest.param(k, marks=pytest.mark.exhaustive) for k in range(10) if k not in OFTEN)],

@@ -46,6 +46,7 @@ def measured(
     return np.array(found)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("phi", "n"), [("linear", 1), ("cubic", 2), *((flat(n), n) for n in (3, 4, 5, 6))])
 def test_the_exit_has_the_exponent_and_the_prefactor_of_the_theory(phi, n) -> None:
     found = sliding_exit(field, {"x": 0.01, "y": 0}, phi=phi)

@@ -17,6 +17,7 @@ from tests.random_systems import random_scene
 s, c, k, m, epsilon = sp.symbols("s c k m epsilon")
 
 
+@pytest.mark.exhaustive
 def test_a_high_power_with_parameters_has_no_polynomials_and_the_terms_and_remedies_are_told():
     system = SlowFastSystem(
         slow={s: -s + (s + c + k + m) ** 100}, fast={c: s - c}, parameters={k: 1, m: 2}, epsilon=epsilon

@@ -24,6 +24,7 @@ DENOMINATORS = SlowFastSystem(slow={x: -y, w: -w}, fast={y: 1 - y * (3 * x + w**
 PLACES = [(IMPLICIT, {x: "5/8", w: "1/3", y: "1/2"}), (DENOMINATORS, {x: "1/2", w: "1/2"})]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("system", "place"), PLACES, ids=("implicit", "denominators first"))
 @pytest.mark.parametrize("value", VALUES, ids=str)
 def test_functions_of_a_rational_system_are_composed(

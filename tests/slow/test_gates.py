@@ -81,6 +81,7 @@ def check(system: SlowFastSystem, region, start, *, symbolic: int = 1, numbers: 
         assert defect(series, at, value) < 10.0 ** (-10 * series.order - 5)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(FORMS, 3))
 def test_a_gate_on_an_explicit_branch(name: str) -> None:
     system = SlowFastSystem(
@@ -89,6 +90,7 @@ def test_a_gate_on_an_explicit_branch(name: str) -> None:
     check(system, {"x": (0.5, 1.5)}, {"x": 1, "y": 0.5})
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(FORMS, always=FEW))
 def test_a_gate_on_an_implicit_branch(name: str) -> None:
     system = SlowFastSystem(
@@ -100,6 +102,7 @@ def test_a_gate_on_an_implicit_branch(name: str) -> None:
     check(system, {"x": (0.5, 1.5), "y": (0, 2)}, {"x": 1, "y": 0.8})
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(FORMS, always=FEW))
 def test_a_gate_that_multiplies_the_fast_variable(name: str) -> None:
     system = SlowFastSystem(
@@ -111,6 +114,7 @@ def test_a_gate_that_multiplies_the_fast_variable(name: str) -> None:
     check(system, {"x": (0.5, 1.5), "y": (-0.1, 2)}, {"x": 1, "y": 0.1}, symbolic=0, numbers=1)
 
 
+@pytest.mark.exhaustive
 def test_morris_lecar_expands_with_symbolic_parameters() -> None:
     V, w, V1, V2, V3, V4, phi, current = sp.symbols("V w V1 V2 V3 V4 phi I")
     m = (1 + sp.tanh((V - V1) / V2)) / 2

@@ -60,6 +60,7 @@ def case(seed: int) -> Case:
     return Case(scene, forecast, run)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_solved_manifold_is_no_further_off_than_it_says(seed: int) -> None:
     found = case(seed)
@@ -98,6 +99,7 @@ def test_a_prediction_is_neither_above_nor_below_the_error_by_much(seed: int) ->
         assert predicted[order] <= 10 * measured[order] + CLEAR
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("seed", "tolerance"),
     [

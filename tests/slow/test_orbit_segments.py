@@ -61,6 +61,7 @@ def test_a_track_that_is_cut_at_a_fold_ends_where_what_is_felt_of_it_is_least() 
     assert 0.25 < last / (value / 2) ** (2 / 3) < 4
 
 
+@pytest.mark.exhaustive
 def test_segments_of_the_reversed_flow_are_the_same_and_so_are_their_errors() -> None:
     # With time reversed the stable direction is unstable, and what was fixed upstream is fixed downstream.
     places = np.array([[0.1], [0.25]])

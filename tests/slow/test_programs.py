@@ -38,6 +38,7 @@ def first_order(system: SlowFastSystem, z: np.ndarray) -> tuple[np.ndarray, np.n
     return h1, Dh, np.array([f[0], J[0, 1:] @ h1 + z[1]])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("links", [6, 12, 20])
 def test_series_and_reduced_flow_equal_those_of_dense_matrices(links: int) -> None:
     system = chain(links)
@@ -97,6 +98,7 @@ def test_positions_and_velocities_have_the_series_of_polynomials_and_are_not_cal
         np.testing.assert_allclose(programs.terms(at, 0.1), expected, rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.exhaustive
 def test_the_defect_of_invariance_falls_with_the_square_of_epsilon() -> None:
     series = expand(sheet(chain(40)), order=1)
     sizes = [np.linalg.norm(series.residual(1.0, small)) for small in (1e-2, 1e-3)]
@@ -105,6 +107,7 @@ def test_the_defect_of_invariance_falls_with_the_square_of_epsilon() -> None:
     assert lower[0] / lower[1] == pytest.approx(10.0, rel=0.05)
 
 
+@pytest.mark.exhaustive
 def test_a_reduced_run_of_a_long_chain_stays_on_the_manifold_and_by_the_full_run() -> None:
     system = chain(40)
     branch = sheet(system)

@@ -88,6 +88,7 @@ def test_michaelis_menten_has_the_exact_coefficients() -> None:
         assert sp.cancel(series.coefficients[k]["c"] - expression(text)) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("system", [systems.sleigh(), systems.michaelis_menten(), systems.saddle()])
 def test_every_order_through_six_solves_the_invariance_equation_exactly(system: SlowFastSystem) -> None:
     # In exact arithmetic the defect of order n is c epsilon^(n+1), however small epsilon is.
@@ -96,6 +97,7 @@ def test_every_order_through_six_solves_the_invariance_equation_exactly(system: 
     assert abs(float(sp.log(large / small, 10)) - 7) < 1e-3
 
 
+@pytest.mark.exhaustive
 def test_the_reduced_field_is_f_on_the_manifold() -> None:
     system = systems.sleigh()
     series = expand(branch_of(system), order=4)
@@ -170,6 +172,7 @@ def manufactured(draw: st.DrawFn):
     return SlowFastSystem(slow={x: f}, fast={y: g[0], z: g[1]}, epsilon=eps), h
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=25)
 @given(manufactured())
 def test_a_manufactured_system_returns_its_manifold(case) -> None:

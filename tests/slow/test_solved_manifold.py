@@ -85,6 +85,7 @@ EXACT = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(EXACT, 2))
 @pytest.mark.parametrize("value", [0.1, 0.01])
 def test_exact_manifolds(name: str, value: float) -> None:
@@ -112,6 +113,7 @@ def test_the_estimated_error_is_honest(name: str, tolerance: float) -> None:
     assert manifold.error_estimate < 10 * tolerance * (1 + np.abs(true).max())
 
 
+@pytest.mark.exhaustive
 def test_michaelis_menten_is_followed_forward_from_large_s() -> None:
     manifold = solve_manifold(
         branch_of(systems.michaelis_menten()), region={"s": (0.1, 5)}, epsilon=0.1, tolerance=TIGHT
@@ -134,6 +136,7 @@ def test_the_sleigh() -> None:
     np.testing.assert_allclose(edge.evaluate([[2, 0.5], [2, 1]]), [[-0.1], [-0.2]], rtol=0, atol=1e-13)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("value", thinned([1e-4, 1e-2, 0.1], 2))
 def test_segel_and_slemrods_michaelis_menten(value: float) -> None:
     # s' = (-(kappa + 1) s + (kappa - sigma + s) c)/sigma, epsilon c' = s - c (kappa + s)/(kappa + 1): the scaling
@@ -186,6 +189,7 @@ CASES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(CASES, 2))
 def test_three_methods_agree(name: str) -> None:
     branch, region = CASES[name]
@@ -199,6 +203,7 @@ def test_three_methods_agree(name: str) -> None:
     assert (np.abs(manifold.residual(points)) > 0).any()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(["two slow", "implicit", "two fast", "folded"], 2))
 def test_the_full_flow_stays_on_it(name: str) -> None:
     branch, region = CASES[name]
@@ -213,6 +218,7 @@ def test_the_full_flow_stays_on_it(name: str) -> None:
     np.testing.assert_allclose(fast, manifold.evaluate(slow), rtol=0, atol=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_the_slope_is_the_derivative_and_the_residual_is_what_it_says() -> None:
     branch, region = CASES["folded"]
     manifold = solve_manifold(branch, region=region, epsilon=0.01)
@@ -292,6 +298,7 @@ def test_work_and_shapes() -> None:
 # -- what cannot be done ---------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_a_fold_in_the_region_is_told_with_its_place() -> None:
     branch = branch_of(systems.van_der_pol(), {"y": 0.7, "x": 2})
     for low in (-0.6666666666666666, -1.0):
@@ -317,6 +324,7 @@ def test_a_pole_in_the_region_is_told_with_its_place() -> None:
     assert "u = 0.5" in manifold.message
 
 
+@pytest.mark.exhaustive
 def test_orbits_that_come_from_a_fold_leave_a_larger_reported_error() -> None:
     # On w = sqrt(u), u' = 1, what happened at the fold u = 0 is felt by exp(-4 u^(3/2)/(3 epsilon)).
     branch = solve_critical(UPWARDS).nearest({"u": 1, "w": 1})
@@ -584,6 +592,7 @@ def test_a_step_of_the_slow_flow_is_exact_to_the_fourth_order():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5, abs=0.4)
 
 
+@pytest.mark.exhaustive
 def test_a_finished_surface_is_checked_all_over_its_region_and_serves_nowhere_else(monkeypatch):
     looked = []
 

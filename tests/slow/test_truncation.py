@@ -78,6 +78,7 @@ def test_the_truncation_error_is_honest_on_random_systems() -> None:
     assert np.median(ratio) > 0.1
 
 
+@pytest.mark.exhaustive
 def test_an_accidentally_small_term_does_not_end_the_search() -> None:
     # h_4 is nearly 0 at this point; the true error of order 3 is 1.4e-2.
     system = SlowFastSystem(
@@ -96,6 +97,7 @@ def test_an_accidentally_small_term_does_not_end_the_search() -> None:
         assert error <= series.truncation_error(point, epsilon) <= 30 * error
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("order", thinned([4, 2, 6], 3))
 def test_the_error_is_honest_near_a_zero_of_several_terms(order: int) -> None:
     # A Hill function of exponent 4: near x = 0 three terms in a row are small. The manifold through all of time is
@@ -290,6 +292,7 @@ def test_an_unknown_last_term_counts_as_past_the_best_order() -> None:
 # -- pictures ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_marked(
     curve: SeriesManifold,
 ) -> None:

@@ -168,6 +168,7 @@ BENT = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", BENT)
 @pytest.mark.parametrize(("u", "z"), [(0.0, 0.0), (1.0, 0.0), (-1.0, 3.0)])
 def test_a_step_from_a_point_holds_the_one_solution(name: str, u: float, z: float) -> None:

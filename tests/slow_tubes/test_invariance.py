@@ -31,6 +31,7 @@ SHARED = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SHARED)
 def test_exponentials_of_one_argument_are_powers_of_one(name: str) -> None:
     a, b = SHARED[name]

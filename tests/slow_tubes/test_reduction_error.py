@@ -44,6 +44,7 @@ def error_of(manifold, start, end, value):
     return away.max(), away[-1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("order", "value", "first", "end"),
     thinned(
@@ -70,6 +71,7 @@ def test_michaelis_menten_within_a_hundredth_of_the_error(
     assert len(bound.times) < 300
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("order", thinned([0, 1, 2], 2))
 def test_the_initial_layer_is_in_the_bound(order: int) -> None:
     manifold, start = michaelis_menten(order), {"s": 1.0, "c": 0.25}
@@ -82,6 +84,7 @@ def test_the_initial_layer_is_in_the_bound(order: int) -> None:
     assert bound.fast[-1] < 0.2 * bound.fast[0]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("order", "share"), thinned([(0, 1.05), (1, 1.01)], 2))
 def test_two_slow_variables(order: int, share: float) -> None:
     manifold = sleigh(order)
@@ -92,6 +95,7 @@ def test_two_slow_variables(order: int, share: float) -> None:
     assert largest <= bound.bound <= share * largest
 
 
+@pytest.mark.exhaustive
 def test_rates_with_functions_of_the_slow_variable() -> None:
     manifold = series({x: -sp.sin(x) + y / 4}, {y: -y + sp.tanh(x)}, 1)
     bound = bound_reduction(manifold, start={"x": 1.0}, span=(0.0, 5.0), epsilon=0.05)
@@ -151,6 +155,7 @@ TURNING = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(TURNING, always=list(TURNING)[::4]))
 def test_several_fast_variables_within_a_few_hundredths_of_the_error(name: str) -> None:
     slow, fast, order, start, value, share = TURNING[name]

@@ -20,6 +20,7 @@ EXPRESSIONS = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
 def test_coefficients_hold_taylors(expression: sp.Expr) -> None:
     with flint.ctx.workprec(balls.PRECISION):

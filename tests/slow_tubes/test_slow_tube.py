@@ -48,6 +48,7 @@ SQUARE = {"v": (-2, 2), "p": (-2, 2)}
 HALF_LINE = {"s": (R(1, 10), 5)}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("order", thinned([1, 2, 3, 4], 2))
 def test_the_tube_of_the_sleigh_is_hardly_wider_than_the_first_term_left_out(order: int) -> None:
     # Measured with another program: 1.602e-4, 1.173e-5, 3.897e-7, 1.358e-8.
@@ -67,6 +68,7 @@ def test_epsilon_a_tenth_and_the_largest_one_for_the_sleigh() -> None:
     assert largest.tried < 1700
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("order", "most"),
     thinned([(1, 1900), (2, 4200), (3, 7000), (4, 12000)], 4),
@@ -84,6 +86,7 @@ def test_michaelis_menten_holds_to_nine_tenths(order: int, most: int) -> None:
     assert 2 * tube.collar <= 0.5 * 4.9 * (1 + 1e-6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("order", thinned([1, 2, 3, 4], 2))
 def test_a_saddle_is_decoupled_and_holds(order: int) -> None:
     tube = certify(saddle(order), region={"s": (-1, 1)}, epsilon=0.1)
@@ -96,6 +99,7 @@ def test_a_saddle_is_decoupled_and_holds(order: int) -> None:
     assert 0.13 <= certify(saddle(order), region={"s": (-1, 1)}).epsilon_0 < 0.5
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("order", "bound"), thinned([(1, 2.3e-4), (2, 3.1e-6), (3, 4.5e-8)], 3))
 def test_a_complex_pair_far_from_normal(order: int, bound: float) -> None:
     pair = series({s: -s + x * y / 4}, {x: -x - 8 * y + s, y: x - y}, order)
@@ -123,6 +127,7 @@ def test_the_cones_of_the_steps_cover_every_epsilon() -> None:
             assert part.faces(tube.widths)
 
 
+@pytest.mark.exhaustive
 def test_faces_are_not_proved_again_for_fewer_epsilon(monkeypatch: pytest.MonkeyPatch) -> None:
     faces, proved = Isolation.faces, []
 

@@ -89,6 +89,7 @@ def test_the_tube_holds_the_manifold_and_is_hardly_wider() -> None:
     assert "others may lie outside the tube" in tube.statement[-1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6, 1e-3])
 @pytest.mark.parametrize("place", thinned([0, 3, 9], 3))
 def test_a_wrong_interpolant_has_a_tube_that_holds_the_manifold_or_none(size: float, place: int) -> None:
@@ -128,6 +129,7 @@ def test_an_implicit_branch(value: float) -> None:
     assert narrow.delta <= tube.delta
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("value", thinned([0.01, 0.002], 2))
 def test_a_field_with_functions_of_the_fast_variable(value: float) -> None:
     tube = certify(morris_lecar(value), region={"n": (0.1875, 0.5)})

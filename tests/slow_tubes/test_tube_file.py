@@ -313,6 +313,7 @@ def random_expression(draw: random.Random, depth: int) -> str:
     return f"({one})**{draw.randint(-2, 3)}" if kind == "^" else f"({one}){kind}({two})"
 
 
+@pytest.mark.exhaustive
 def test_rational_functions_are_those_of_sympy() -> None:
     draw = random.Random(12)
     symbols = sp.symbols("z0 z1 z2")

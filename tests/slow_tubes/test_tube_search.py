@@ -50,6 +50,7 @@ def test_a_tube_that_isolates_for_some_epsilon_is_asked_again_for_larger_ones() 
     assert not problem._isolates(problem.over(0.0, 0.125), 0.25 * widths)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("shares", [(4.0, 0.5), (0.5, 4.0)])
 def test_cones_of_a_tube_are_those_of_a_narrower_one_only(shares: tuple[float, float]) -> None:
     problem = search({x: -x}, {y: -y + x, z: -z + x})
@@ -67,6 +68,7 @@ def test_cones_of_a_tube_are_those_of_a_narrower_one_only(shares: tuple[float, f
     assert other.cones is not across.cones or (other.widths <= across.widths).all()
 
 
+@pytest.mark.exhaustive
 def test_cones_that_fail_between_samples_do_not_hold() -> None:
     # Within 1/1000 of one place neighbours approach at the rate 100 along the slow flow, and 1/epsilon is 10.
     place, width = R(3086, 10_000), R(1, 1000)

@@ -200,6 +200,7 @@ def test_one_of_the_manifolds_may_lie_outside() -> None:
     assert "others may lie outside the tube" in tube.statement[-1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("fast", "slow"), crossed(["-", "+", "+-"], ["out", "in", "through"]))
 def test_a_solved_manifold_is_unique_where_its_series_is(fast: str, slow: str) -> None:
     family = Family(fast, slow, 2)

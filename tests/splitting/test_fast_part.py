@@ -209,6 +209,7 @@ def values(matrix: sp.Matrix, there: np.ndarray) -> np.ndarray:
     return compile_function(list(matrix), arguments=sp.symbols("z1:7"))(there, [1.0]).reshape(matrix.shape)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", thinned(["linear", "quadratic", "tanh", "rational"], 2))
 def test_six_coupled_states_are_split_and_projected_by_formulas_in_any_coordinates(kind: str) -> None:
     # One slow direction, five fast ones, and every coefficient a fraction.

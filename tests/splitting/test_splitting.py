@@ -148,6 +148,7 @@ LOGARITHMS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", thinned(LOGARITHMS, 3))
 def test_integrals_with_logarithms_are_real_on_every_side_of_their_poles(case: str) -> None:
     rates, poles = LOGARITHMS[case]
@@ -214,6 +215,7 @@ def test_constant_directions_come_out_constant() -> None:
 integers = st.integers(-2, 2)
 
 
+@pytest.mark.exhaustive
 @given(
     st.lists(integers, min_size=9, max_size=9),
     st.lists(integers, min_size=6, max_size=6),
@@ -300,6 +302,7 @@ def test_the_projection_holds_for_two_fast_directions_on_the_manifold() -> None:
         assert max(abs(e) for e in defect) < 1e-20
 
 
+@pytest.mark.exhaustive
 def test_the_leading_order_field_is_followed_by_the_full_flow() -> None:
     result = nonstandard()
     reduced = sp.lambdify((x, y), list(result.reduced_field))
@@ -503,6 +506,7 @@ def _fast_pairs(count: int) -> VectorField:
     return field(rates)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("count", [3, 12])
 def test_columns_are_chosen_by_elimination_and_not_one_minor_after_another(count: int, monkeypatch) -> None:
     asked = []

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 
 import gsp
 from gsp import models
@@ -49,6 +50,7 @@ def test_every_point_holds_what_the_task_gives(tmp_path: Path) -> None:
     assert data.status.attrs["flag_meanings"].split() == ["not_computed", "computed", "failed", "died"]
 
 
+@pytest.mark.exhaustive
 def test_any_number_of_processes_leaves_the_same_bytes(tmp_path: Path) -> None:
     alone, together = waves(tmp_path / "alone"), waves(tmp_path / "together", workers=2)
     assert alone.is_complete
@@ -67,6 +69,16 @@ def test_a_scene_is_swept_like_its_name(tmp_path: Path) -> None:
     named = sweep("compare", model="michaelis_menten", into=tmp_path / "name", **asked)
     assert made.to_xarray().error.values.tolist() == named.to_xarray().error.values.tolist()
     assert resume(tmp_path / "scene", workers=1).is_complete
+
+
+@pytest.mark.parametrize("task", ["compare", "choose"])
+def test_a_task_that_needs_a_small_parameter_says_so(tmp_path: Path, task: str) -> None:
+    x, k = sp.symbols("x k")
+    scene = gsp.Scene(gsp.VectorField({x: -k * x}, parameters={k: 1}), {}, {"x": 1}, (0, 1))
+    with pytest.raises(GspError, match=f"no small parameter, and {task} needs one"):
+        sweep(task, model=scene, over={"k": (1, 2)}, into=tmp_path, workers=1)
+    found = sweep("integrate", model=scene, over={"k": (1, 2)}, into=tmp_path, workers=1).to_xarray()
+    assert found.final.values[:, 0] == pytest.approx(np.exp([-1, -2]), rel=1e-5)
 
 
 def test_a_point_that_fails_is_data(tmp_path: Path) -> None:
@@ -155,6 +167,7 @@ def test_a_missing_or_damaged_block_is_never_read_as_a_value(tmp_path: Path) -> 
     assert contents(tmp_path) == whole
 
 
+@pytest.mark.exhaustive
 def test_a_point_that_kills_its_process_has_died_and_the_others_have_not(tmp_path: Path) -> None:
     found = sweep(
         deadly, over={"x": range(40)}, into=tmp_path, options={"home": os.getpid()}, workers=2,

@@ -89,6 +89,7 @@ def test_a_scene_that_is_integrated_is_as_exact_in_nanomoles() -> None:
     assert small.y * 1e9 == pytest.approx(large.y, rel=1e-6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [-9, 9])
 def test_time_scales_are_told_alike_in_all_units(power: int) -> None:
     """An enzyme without a small parameter: C + E is conserved, and one mode is exhausted from early on."""

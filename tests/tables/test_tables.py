@@ -37,6 +37,7 @@ def test_what_has_a_table_is_tabular() -> None:
     assert {name for name in public("NOUNS") if tables.find(blank(getattr(gsp, name)))} == set(TABULAR)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(TABULAR, 2))
 def test_json_says_dimensions_shapes_and_values(name: str) -> None:
     content = json.loads(json.dumps(noun(name).as_json(), allow_nan=False))

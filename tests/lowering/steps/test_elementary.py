@@ -64,6 +64,7 @@ def units(found: np.ndarray, exact: np.ndarray) -> float:
     return float(np.max(np.abs(found - exact) / np.spacing(np.abs(exact) + np.finfo(float).tiny)))
 
 
+@pytest.mark.exhaustive
 @given(st.floats(-elementary.LARGEST_ANGLE, elementary.LARGEST_ANGLE))
 @settings(max_examples=500)
 def test_angles(code, angle):
@@ -72,6 +73,7 @@ def test_angles(code, angle):
     assert units(cosine, math.cos(angle)) <= UNITS
 
 
+@pytest.mark.exhaustive
 @given(st.floats(-elementary.LARGEST_EXPONENT, elementary.LARGEST_EXPONENT))
 @settings(max_examples=500)
 def test_exponents(code, exponent):

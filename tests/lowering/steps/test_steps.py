@@ -120,6 +120,7 @@ def random_field(n: int, density: float, seed: int) -> VectorField:
     return VectorField(rates, epsilon=epsilon, parameters={k: sp.Rational(1, 3)})
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("n", "density"), [(1, 1.0), (2, 1.0), (3, 0.5), (6, 0.4), (8, 0.3), (9, 0.2), (21, 0.05)]
 )
