@@ -4,11 +4,11 @@
     python tests/mutation.py gsp/readers --sample 40 --seed 7
     python tests/mutation.py gsp/kernels/radau.py --tests tests/kernels/test_integrators.py
 
-The tests are those of the package, or those named. They run once under coverage, which says which of them reach which
-lines. Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and truth values changed,
-the two values of a conditional expression exchanged. Each stands in a copy of the repository, where first the tests
-that reach its lines run, the quickest first, then all of them: what is compiled, or runs in another process, no
-coverage sees. It is caught when a test fails, or they take several times as long as without it.
+The tests are those of the package with its long lists, or those named. They run once under coverage, which says which
+of them reach which lines. Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and
+truth values changed, the two values of a conditional expression exchanged. Each stands in a copy of the repository,
+where first the tests that reach its lines run, the quickest first, then all of them: what is compiled, or runs in
+another process, no coverage sees. It is caught when a test fails, or they take several times as long as without it.
 
 Every run is a new process in the copy, which keeps numba's cache but that of the kernels when a kernel changes: a
 kernel does not see that another one which it calls has changed. That is why no tool that changes files in place, or
@@ -41,7 +41,7 @@ _COMPARE = {
 _ARITHMETIC = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*", ast.FloorDiv: "*"}
 # Tests have ended badly when they take as many times their own time, after so many seconds to begin.
 PATIENCE, STARTING = 5, 120
-PYTEST = ("-m", "pytest", "-n", "0", "--dist", "no", "-p", "no:randomly", "-p", "no:cacheprovider")
+PYTEST = ("-m", "pytest", "-m", "", "-n", "0", "--dist", "no", "-p", "no:randomly", "-p", "no:cacheprovider")
 
 
 class Mutant(NamedTuple):

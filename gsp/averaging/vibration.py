@@ -50,7 +50,7 @@ def without_vibration(
         raise SplittingError(
             f"the rate of {x} has the leading part ({part})/{epsilon ** shaken[x]}, and {x} is no slow variable.",
             f"A vibration has mean zero over {phase} and moves nothing that it depends on. A variable that is "
-            "attracted is fast: reduce it first, by `split`.",
+            "attracted is fast, and is not averaged: put what it is attracted to in its place.",
         )
     states = {x: new[x] + moved[x] for x in parts}
     slower = sp.expand((turning - omega) / epsilon)

@@ -265,7 +265,7 @@ REFUSED = {
         turning((2 + sp.cos(theta)) / epsilon), {"phase": "theta"}, SplittingError, "depends on itself",
     ),
     "a fast variable": (
-        turning(1 / epsilon, -x / epsilon), {"phase": "theta"}, SplittingError, "reduce it first, by `split`",
+        turning(1 / epsilon, -x / epsilon), {"phase": "theta"}, SplittingError, "put what it is attracted to in",
     ),
     "a vibration with a mean": (
         turning(1 / epsilon, sp.cos(theta) ** 2 / epsilon), {"phase": "theta"}, SplittingError, "has mean zero",
