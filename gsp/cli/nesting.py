@@ -44,8 +44,14 @@ def nest(scene: Scene, pair: str | None, order: int, as_json: bool) -> None:
         return
     tell(found)
     for name, study in (("C1", found.first), ("C2", found.second)):
-        tell(f"{name}: {study.hyperbolicity.kind}, gap {study.hyperbolicity.gap:.6g}")
+        tell(
+            f"{name}: {study.hyperbolicity.kind}, gap {study.hyperbolicity.gap:.6g} in the fast time of {name}"
+        )
         for loss in study.hyperbolicity.losses:
             tell(f"  {str(loss).splitlines()[0]}")
+    if measured and found.first.hyperbolicity.kind is not found.second.hyperbolicity.kind:
+        tell(
+            "Runs leave a manifold that is not attracting, or not repelling, in both: errors from runs say little here."
+        )
     for name, each in measured.items():
         tell(f"\n{name}: {each}")
