@@ -39,9 +39,9 @@ class ForeignModel:
     `states` maps names to rates, `parameters` to numbers, `definitions` heads to expressions, `starts` states to
     numbers; `other_starts` are further ones by name; `bounds` are intervals that no run leaves, and `windows` those
     that the file draws, or that are guessed better here than around the start: they make a region where one is needed;
-    `views` are names of axes with their ranges; `worked_out` maps what the file works out once, at the start, to the
-    names that it is made of. `understood` and `notes` are for the reader; `small` is set
-    where the format itself says what is fast.
+    `views` are names of axes with their ranges; `worked_out` maps what the file works out once, at the start, to
+    the names that it is made of, `sizes` of compartments among them. `understood` and `notes` are for the reader;
+    `small` is set where the format itself says what is fast.
     """
 
     origin: str
@@ -57,6 +57,7 @@ class ForeignModel:
     path: tuple[str, str] | None = None
     views: dict[str, tuple[tuple[str, ...], dict[str, tuple[str, str]]]] = field(default_factory=dict)
     worked_out: dict[str, frozenset[str]] = field(default_factory=dict)
+    sizes: Collection[str] = ()
     small: str | None = None
     title: str = ""
     understood: str = ""
@@ -114,7 +115,7 @@ def _told(model: ForeignModel) -> list[str]:
     once = [
         f"{word} (of {', '.join(sorted(made_of))})"
         for word, parts in model.worked_out.items()
-        if (made_of := parts & model.parameters.keys())
+        if (made_of := parts & model.parameters.keys() - {*model.sizes})
     ]
     return [
         *model.notes,

@@ -82,6 +82,7 @@ class _SbmlReader(Quantities):
             self.write_rate(identifier)
         self.write_parameters(moving)
         self.write_laws(laws)
+        result.sizes = [self.words[identifier] for identifier in self.compartments]
         if not result.states:
             raise ModelFileError(
                 "no reaction and no rate rule changes anything in the file.", "Give it one that does."

@@ -147,9 +147,7 @@ class Scene(Question, Card):
         self._set("units", MappingProxyType(_units(self.units, known)))
         self._set("ramps", read_only(checked_ramps(self.ramps, self.system.states, self.system.parameters)))
         self._set("phase", checked_phase(self.phase, states))
-        if not isinstance(self.worked_out, Mapping) or not self.worked_out.keys() <= {
-            s.name for s in self.system.parameters
-        }:
+        if not isinstance(self.worked_out, Mapping):
             raise DeclarationError(
                 "worked_out maps parameters to what is worked out of them.", got=shown(self.worked_out)
             )
