@@ -195,8 +195,10 @@ class NodeBuilder:
 
     def _checked(self, function: Callable[..., sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
         """The `function` of `arguments`, once it is known to be real and finite where it is a constant."""
-        constant = all(argument.is_number for argument in arguments)
-        if constant:
+        return self.parts.once(lambda: self._new(function, arguments, token), function, *arguments)
+
+    def _new(self, function: Callable[..., sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
+        if all(argument.is_number for argument in arguments):
             self.constants += 1
             if self.constants > CONSTANTS:
                 self.fail(
@@ -204,9 +206,6 @@ class NodeBuilder:
                     token.position,
                     "Work them out, or declare parameters.",
                 )
-        return self.parts.once(lambda: self._new(function, arguments, token), function, *arguments)
-
-    def _new(self, function: Callable[..., sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
         try:
             value = function_of(function, arguments)
         # AttributeError: SymPy's cache stumbles over the message of a TypeError.

@@ -13,11 +13,11 @@ _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*"
 _JUMP_OF_NUMBERS = re.compile(rf"(?<![a-z0-9_.])(mod|flr)\s*\({_NUMBER}(?:,{_NUMBER})?\)")
 # What a step is made of, and XPPAUT's jumps. atan(tan(u)) is a line on each period: `near` is u less the whole number
 # for which it is between 1/pi - 1/2 and 1/pi + 1/2, so that no fraction is at its jump, and `flr` sets that right. What
-# is as near below a whole number as rounding is on it.
+# is as near below a whole number as rounding may be, of a million periods, is on it.
 HELPERS = {
     "positive": (("u",), POSITIVE),
     "near": (("u",), "(1 + atan(tan(pi*u - 1)))/pi"),
-    "flr": (("u",), "u - near(u) - positive(-near(u) - 1e-15*sqrt(1 + u^2))"),
+    "flr": (("u",), "u - near(u) - (1 - sign(near(u) + 1e-9))/2"),
     "mod": (("u", "w"), "u - w*flr(u/w)"),
 }
 
