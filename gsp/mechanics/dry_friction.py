@@ -28,7 +28,8 @@ from gsp.sliding.no_slip import Contacts, NoSlip
 from gsp.sliding.piecewise_run import PiecewiseRun, run_piecewise
 from gsp.splitting.splitting import Splitting, split
 from gsp.systems.arguments import shown
-from gsp.systems.flow import Point
+from gsp.systems.flow import Point, values_by_name
+from gsp.systems.system import VectorField
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,12 @@ class DryContact:
     def load(self, multipliers: Sequence[sp.Expr]) -> sp.Expr:
         """The square of the share that the contact's multipliers take of what it bears: 1 on the cone."""
         return sp.Add(*(multipliers[row] ** 2 / mu**2 for row, mu in zip(self.rows, self.mu))) / self.normal**2
+
+    def reach(self, multipliers: Sequence[sp.Expr]) -> sp.Expr:
+        """The square of the slip over epsilon that bears them by a law with the slope 1: in other directions than the
+        first the law acts on mu_i/mu_1 times the slip, and friction is mu_i/mu_1 times as large."""
+        slips = (multipliers[row] * self.mu[0] / mu**2 for row, mu in zip(self.rows, self.mu))
+        return sp.Add(*(slip**2 for slip in slips)) / self.normal**2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,7 +114,9 @@ class DryFrictionSystem(SlippingSystem):
 
     @cached_property
     def loads(self) -> tuple[sp.Expr, ...]:
-        """For each contact the square of the share of its cone that no-slip takes, in (q, u): it holds below 1."""
+        """For each contact the square of the share of its cone that no-slip takes, in (q, u): it holds below 1, or
+        below the square of the maximum of a law that overshoots.
+        """
         multipliers = self.limit.reduced_multipliers
         return tuple(contact.load(multipliers) for contact in self.contacts)
 
@@ -117,14 +126,23 @@ class DryFrictionSystem(SlippingSystem):
         The run ends where a contact's multiplier leaves what it bears. Raises `DeclarationError` for a start that is
         not complete or that slips.
         """
-        return self.bearing.no_slip(start=constrained_start(self.limit, start), span=span)
+        times = {s.name: values_by_name(start, what="start").get(s.name, 0.0) for s in self.system.clock}
+        return self.bearing.no_slip(start={**times, **constrained_start(self.limit, start)}, span=span)
 
     @cached_property
     def bearing(self) -> Contacts:
         """What the contacts bear along runs of `limit`, which scenes carry."""
         slips = (tuple(str(self.frame.across[row]) for row in contact.rows) for contact in self.contacts)
-        normals = tuple(contact.normal for contact in self.contacts)
-        return Contacts(self.limit.full_field, self.loads, normals, tuple(slips), self.law)
+        grips = tuple(sp.Mul(contact.normal, *contact.mu) for contact in self.contacts)
+        multipliers = self.limit.reduced_multipliers
+        reaches = tuple(contact.reach(multipliers) for contact in self.contacts)
+        field = self.limit.full_field
+        clock = {s: sp.S.One for s in self.system.clock if s not in field.states}
+        if any(e.has(*clock) for e in (*self.loads, *grips)) if clock else False:
+            # Time may act across the constraints alone.
+            field = VectorField({**field.equations, **clock}, parameters=field.parameters, name=field.name)
+        along = tuple(map(str, self.frame.along))
+        return Contacts(field, self.loads, reaches, grips, tuple(slips), along, self.law)
 
     @cached_property
     def sharp(self) -> CrossingField:

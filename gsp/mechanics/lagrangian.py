@@ -373,11 +373,19 @@ class LagrangianSystem:
 
 
 def is_singular(matrix: np.ndarray) -> bool:
-    """Whether a matrix of numbers is singular to rounding, or not finite."""
+    """Whether a matrix of numbers is singular to rounding, in whatever units, or not finite."""
     if not np.isfinite(matrix).all():
         return True
-    sizes = np.linalg.svd(matrix, compute_uv=False)
+    sizes = np.linalg.svd(balanced(matrix), compute_uv=False)
     return bool(sizes[-1] <= SINGULAR * sizes[0])
+
+
+def balanced(matrix: np.ndarray) -> np.ndarray:
+    """A matrix with rows and columns in units in which their largest entries are about 1; zeros stay."""
+    for axis in (1, 0, 1, 0):
+        largest = np.abs(matrix).max(axis=axis, keepdims=True)
+        matrix = matrix / np.sqrt(np.where(largest > 0.0, largest, 1.0))
+    return matrix
 
 
 def _symbols(symbols: Sequence[sp.Symbol], what: str) -> tuple[sp.Symbol, ...]:

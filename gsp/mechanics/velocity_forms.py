@@ -11,7 +11,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.mechanics.algebra import Algebra, entries, generic_points, numbers
-from gsp.mechanics.lagrangian import SINGULAR, LagrangianSystem
+from gsp.mechanics.lagrangian import SINGULAR, LagrangianSystem, balanced
 
 
 @dataclass(frozen=True)
@@ -163,6 +163,9 @@ def _combination(algebra: Algebra, shares, elements):
 
 
 def rank(matrix: np.ndarray) -> int:
-    """Rank of a matrix of numbers, to rounding."""
-    sizes = np.linalg.svd(matrix, compute_uv=False)
-    return int((sizes > SINGULAR**0.75 * max(1e-300, sizes[0])).sum()) if sizes[0] > SINGULAR else 0
+    """Rank of a matrix of numbers, to rounding, in whatever units of its rows and columns."""
+    largest = np.abs(matrix).max(axis=1, keepdims=True)
+    # Beside the others what is left of a row that vanishes is rounding.
+    matrix = np.where(largest > np.finfo(float).eps * largest.max(), matrix, 0.0)
+    sizes = np.linalg.svd(balanced(matrix), compute_uv=False)
+    return int((sizes > SINGULAR**0.75 * sizes[0]).sum())

@@ -54,7 +54,8 @@ class CheckedCycle:
                     "epsilon": one.epsilon,
                     "unique": one.unique,
                     "period": list(one.period),
-                    "contraction": one.contraction,
+                    # Of others it is not checked.
+                    "contraction": one.contraction if one.unique else None,
                     "amplitude": {n: [list(end) for end in side] for n, side in zip(self.names, one.sides)},
                     "vertices": list(one.vertices),
                 }

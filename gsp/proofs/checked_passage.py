@@ -28,8 +28,8 @@ class CheckedStrip:
 
 @dataclass(frozen=True)
 class CheckedDelay:
-    """For every epsilon in (0, `epsilon`] orbits within `width` of v = 0 over x = `entry` stay so to `stays_to`; those
-    that begin at `width` have left by `leaves_by`, unless that is None.
+    """For every epsilon in (0, `epsilon`] orbits within `width` of v = 0 over x = `entry`, of those `above` it where
+    that is true, stay so to `stays_to`; those that begin at `width` have left by `leaves_by`, unless that is None.
     """
 
     epsilon: float
@@ -39,6 +39,7 @@ class CheckedDelay:
     leaves_by: float | None
     time: Side
     depth: float
+    above: bool
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class CheckedPassage:
             }  # fmt: skip
         return plain | {
             "width": one.width, "entry": one.entry, "stays_to": one.stays_to, "leaves_by": one.leaves_by,
-            "depth": one.depth,
+            "depth": one.depth, "above": one.above,
         }  # fmt: skip
 
     def __str__(self) -> str:
@@ -94,10 +95,11 @@ class CheckedPassage:
             lines.append(f"    after a slow time from {at_least(one.time[0])} to {at_most(one.time[1])}")
         else:
             early, late = (at_least, at_most) if one.stays_to > one.entry else (at_most, at_least)
+            where = "0 <= z1 <= {}" if one.above else "|z1| <= {}"
             lines.append(
-                f"  {up_to} orbits within {at_least(one.width)} of z1 = 0 over z0 = {one.entry:.8g} stay so to "
+                f"  {up_to} orbits with {where.format(at_least(one.width))} over z0 = {one.entry:.8g} stay so to "
                 f"z0 = {early(one.stays_to)}"
             )
             if one.leaves_by is not None:
-                lines.append(f"    those that begin at this distance have left by z0 = {late(one.leaves_by)}")
+                lines.append(f"    those that begin at this bound have left by z0 = {late(one.leaves_by)}")
         return "\n".join(lines)

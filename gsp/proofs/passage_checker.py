@@ -157,7 +157,9 @@ class StripChecker(BandChecker):
 
 
 class DelayChecker:
-    """What is claimed of a delay: |v| <= `width` along `grid`, kept to one of its places and left by another."""
+    """What is claimed of a delay: |v| <= `width`, or 0 <= v <= `width` where it is `above`, along `grid`, kept to one
+    of its places and left by another.
+    """
 
     def __init__(self, read: Any, program: IntervalProgram) -> None:
         self.program = program
@@ -188,7 +190,7 @@ class DelayChecker:
         return CheckedDelay(
             float(self.epsilon), float(self.width), float(self.grid[0]), float(self.grid[self.kept]),
             None if self.left is None else float(self.grid[self.left]), (float(self.time[0]), float(self.time[1])),
-            float(self.depth),
+            float(self.depth), self.above,
         )  # fmt: skip
 
     def bounds(self) -> tuple[Fraction, Fraction, Fraction]:

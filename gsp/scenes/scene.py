@@ -147,7 +147,10 @@ class Scene(Question, Card):
         self._set("units", MappingProxyType(_units(self.units, known)))
         self._set("ramps", read_only(checked_ramps(self.ramps, self.system.states, self.system.parameters)))
         self._set("phase", checked_phase(self.phase, states))
-        if not isinstance(self.worked_out, Mapping):
+        if not isinstance(self.worked_out, Mapping) or not all(
+            isinstance(name, str) and isinstance(words, tuple) and all(isinstance(word, str) for word in words)
+            for name, words in self.worked_out.items()
+        ):
             raise DeclarationError(
                 "worked_out maps parameters to what is worked out of them.", got=shown(self.worked_out)
             )

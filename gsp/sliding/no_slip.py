@@ -23,7 +23,7 @@ from gsp.sliding.law import LawEndKind, SwitchLaw
 from gsp.systems.flow import Point, Values, check_epsilon, values_by_name
 from gsp.systems.system import VectorField
 
-# Runs are looked at so often in each step, an even number; a start slips above this share of its fastest velocity.
+# Runs are looked at so often in each step; a start slips above this share of its fastest velocity.
 BETWEEN, SLIPPING = 8, 1e-9
 RTOL, ATOL = 1e-11, 1e-13
 
@@ -32,9 +32,10 @@ RTOL, ATOL = 1e-11, 1e-13
 class NoSlip(Drawn, Tabular):
     """Whether no contact slips along the `run` of the constrained system, and how near each comes to it.
 
-    `shares` (contacts, m) at the times `t` (m,) are what each contact bears of what it can before it slips: |lambda|
-    over mu N, and 1 where it lets go. Where one does, `loss` says how, `contact` which, `time` when and `place` where;
-    those are None where no-slip holds. `names` are the contacts' slip velocities.
+    `shares` (contacts, m) at the times `t` (m,) are what each contact is asked for of what it bears before it slips:
+    |lambda| over mu N, 1 where it lets go on the way, and more where it does not hold from the start. Where one lets
+    go, `loss` says how, `contact` which, `time` when and `place` where; those are None where no-slip holds. `names` are
+    the contacts' slip velocities, and `observed` what of the run gives their loads and their reaches, see `Contacts`.
     """
 
     run: Trajectory
@@ -46,6 +47,7 @@ class NoSlip(Drawn, Tabular):
     contact: int | None = None
     time: float | None = None
     place: Mapping[str, float] | None = None
+    observed: tuple[tuple[str, str], ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -53,7 +55,12 @@ class NoSlip(Drawn, Tabular):
         return self.loss is None and self.run.status.ok
 
     def creep(self, epsilon: float) -> np.ndarray:
-        """How fast each contact creeps at the times `t`, (contacts, m): epsilon phi^-1 of its share."""
+        """How fast each contact creeps at the times `t`, (contacts, m): epsilon phi^-1 of its share where mu is the
+        same in all directions.
+        """
+        return self._creep(epsilon, self.t)
+
+    def _creep(self, epsilon: float, t: np.ndarray) -> np.ndarray:
         small, high = check_epsilon(epsilon), _bears(self.law)
         phi = compile_function(
             (self.law.expression,), arguments=(self.law.symbol,), epsilon=None, parameters=()
@@ -73,19 +80,38 @@ class NoSlip(Drawn, Tabular):
             found = root(gap, 0.0, min(wide, end))
             return np.nan if found is None else found
 
-        return small * np.array([[slip(float(share)) for share in row] for row in self.shares])
+        seen = self.run.sample(t)
+        speeds = []
+        for load, reach in self.observed:
+            size = np.sqrt(seen[load])
+            with np.errstate(invalid="ignore"):
+                stretch = np.where(size > 0.0, np.sqrt(seen[reach]) / size, 1.0)
+            speeds.append([slip(float(share)) for share in size / high] * stretch)
+        return small * np.array(speeds)
 
     def distance(self, epsilon: float) -> np.ndarray:
-        """How far each contact has crept at the end (contacts,): the integral of `creep`, by Simpson's rule."""
-        speeds = self.creep(epsilon)
-        weights = np.zeros(self.t.size)
-        for first in range(0, self.t.size - 1, 2):
-            weights[first : first + 3] += np.array([1.0, 4.0, 1.0]) * (self.t[first + 2] - self.t[first]) / 6.0
-        return speeds @ weights
+        """How far each contact has crept at the end (contacts,): the integral of `creep`.
+
+        Where a contact lets go its speed grows as 1/sqrt(T - t), and so it is summed over sqrt(T - t), by Gauss's rule.
+        """
+        end = float(self.t[-1])
+        edges = np.sqrt(end - self.run.t)
+        nodes, weights = np.polynomial.legendre.leggauss(BETWEEN)
+        middle, half = 0.5 * (edges[:-1] + edges[1:]), 0.5 * (edges[:-1] - edges[1:])
+        z = (middle[:, None] - half[:, None] * nodes).ravel()
+        if not z.size:
+            return np.zeros(len(self.names))
+        return self._creep(epsilon, end - z**2) @ (2.0 * z * (half[:, None] * weights).ravel())
 
     def __repr__(self) -> str:
         answer = "holds" if self.holds else "fails" if self.loss else "open"
         return f"NoSlip({answer}, largest share {self.shares.max():.4g})"
+
+    @property
+    def _asked(self) -> str:
+        """For how much the contact that lets go is asked there."""
+        share = float(self.shares[self.contact, -1])
+        return f"{share:.4g} times what it bears" if share > 1.0 + SLIPPING else "all that it bears"
 
     def __str__(self) -> str:
         if self.loss is not None:
@@ -94,7 +120,7 @@ class NoSlip(Drawn, Tabular):
             where = ", ".join(f"{name} = {value:.6g}" for name, value in self.place.items())
             return (
                 f"No-slip fails at t = {self.time:.8g}, where {where}: the contact of {self.names[self.contact]} "
-                f"is asked for all that it bears ({self.loss}). From there on it slips."
+                f"is asked for {self._asked} ({self.loss}). From there on it slips."
             )
         contact, k = np.unravel_index(int(self.shares.argmax()), self.shares.shape)
         share = f"{self.shares[contact, k]:.4g}"
@@ -108,14 +134,17 @@ class NoSlip(Drawn, Tabular):
 class Contacts:
     """What contacts bear along the runs of the constrained system `field`, and the `law` by which they let go.
 
-    `loads` are the squares of the shares that no-slip takes of what each contact bears, `normals` the normal forces,
-    both in states of the field; `slips` name the slip velocities of each contact.
+    `loads` are the squares of the shares that no-slip takes of each contact's cone, `reaches` those of the slips by
+    which a law with the slope 1 would bear them, `grips` mu times the normal forces, in states of the field; `slips`
+    name the slip velocities of each contact, `along` the other velocities.
     """
 
     field: VectorField
     loads: tuple[sp.Expr, ...]
-    normals: tuple[sp.Expr, ...]
+    reaches: tuple[sp.Expr, ...]
+    grips: tuple[sp.Expr, ...]
     slips: tuple[tuple[str, ...], ...]
+    along: tuple[str, ...]
     law: SwitchLaw
 
     def with_parameters(self, values: Values) -> Contacts:
@@ -126,36 +155,57 @@ class Contacts:
     def no_slip(self, *, start: Point, span: tuple[float, float]) -> NoSlip:
         """Whether no contact slips along the run from `start`, up to where one does.
 
-        Slips among the values of `start` have to be 0. Raises `DeclarationError` for a start that slips.
+        Slips among the values of `start` have to be 0. Raises `DeclarationError` for a start that slips, for a contact
+        that nothing presses there, and for a law that bears more on one side than on the other.
         """
         given = values_by_name(start, what="start")
-        check_sticks({w: given.pop(w, 0.0) for names in self.slips for w in names}, given)
+        slips = {w: given.pop(w, 0.0) for names in self.slips for w in names}
+        check_sticks(slips, {name: value for name, value in given.items() if name in self.along})
+        if abs(self.law.upper.value - self.law.lower.value) > SLIPPING * self.law.upper.value:
+            raise DeclarationError(
+                f"the law bears {self.law.upper.value:.6g} on one side and {self.law.lower.value:.6g} on the other, "
+                "and shares are of what is borne on both.",
+                "Run the system (`run`), which tells the sides apart.",
+            )
+        at = {s: sp.Float(given[s.name]) for s in self.field.states} | dict(self.field.parameters)
+        for names, grip in zip(self.slips, self.grips):
+            value = float(grip.xreplace(at))
+            if not value > 0.0:
+                raise DeclarationError(
+                    f"the contact of {', '.join(names)} bears nothing at the start: mu N is {value:.6g}.",
+                    "Start where it presses, with friction that resists.",
+                    value=value,
+                )
         states = {s.name for s in self.field.states}
         return self._watched({name: value for name, value in given.items() if name in states}, span)
 
     @cached_property
-    def _flow(self) -> tuple[VectorField, list[sp.Symbol]]:
-        """The field with the loads among its observables, and what they are called."""
+    def _flow(self) -> tuple[VectorField, tuple[tuple[str, str], ...]]:
+        """The field with loads and reaches among its observables, and what those of each contact are called."""
         field = self.field
         free = Names(s.name for s in (*field.states, *field.parameters))
-        symbols = [sp.Symbol(free(f"load_{i + 1}")) for i in range(len(self.loads))]
-        loads = dict(zip(symbols, self.loads))
+        pairs = [(free(f"load_{i + 1}"), free(f"reach_{i + 1}")) for i in range(len(self.loads))]
+        observed = {
+            sp.Symbol(name): e
+            for names, es in zip(pairs, zip(self.loads, self.reaches))
+            for name, e in zip(names, es)
+        }
         return VectorField(
-            field.equations, parameters=field.parameters, name=field.name, observables=loads
-        ), symbols
+            field.equations, parameters=field.parameters, name=field.name, observables=observed
+        ), tuple(pairs)
 
     def _watched(self, values: dict[str, float], span: tuple[float, float]) -> NoSlip:
         field, law = self.field, self.law
-        flow, symbols = self._flow
+        flow, observed = self._flow
         high = _bears(law)
         square = sp.Rational(str(high)) ** 2
         events = [
             Event(load - square, direction=1, terminal=True, name=f"{i}") for i, load in enumerate(self.loads)
         ]
         events += [
-            Event(normal, direction=-1, terminal=True, name=f"{i}.")
-            for i, normal in enumerate(self.normals)
-            if not normal.free_symbols.isdisjoint(field.states)
+            Event(grip, direction=-1, terminal=True, name=f"{i}.")
+            for i, grip in enumerate(self.grips)
+            if not grip.free_symbols.isdisjoint(field.states)
         ]
         run = trajectory_of(
             flow, start=values, span=span, rtol=RTOL, atol=ATOL, options=RunOptions(events=events)
@@ -165,26 +215,28 @@ class Contacts:
             inner = np.arange(BETWEEN) / BETWEEN
             t = np.append((run.t[:-1, None] + np.diff(run.t)[:, None] * inner).ravel(), run.t[-1])
         seen = run.sample(t)
-        shares = np.sqrt(np.array([seen[symbol.name] for symbol in symbols])) / high
+        shares = np.sqrt(np.array([seen[load] for load, _ in observed])) / high
         names = tuple(", ".join(slips) for slips in self.slips)
         kind = LossKind.SLIP_ONSET if law.upper.kind is LawEndKind.PEAK else LossKind.CONE_END
         over = np.flatnonzero(shares[:, 0] >= 1.0)
         if over.size:
-            return NoSlip(run, t, shares, names, law, kind, int(over[0]), float(t[0]), MappingProxyType(values))
+            first = MappingProxyType(values)
+            return NoSlip(
+                run, t[:1], shares[:, :1], names, law, kind, int(over[0]), float(t[0]), first, observed
+            )
         if run.status is not Status.EVENT_REACHED:
-            return NoSlip(run, t, shares, names, law)
+            return NoSlip(run, t, shares, names, law, observed=observed)
         met = next(name for name, found in run.events.items() if len(found.times))
         place = {s.name: float(run[s.name][-1]) for s in field.states}
-        return NoSlip(
-            run, t, shares, names, law, kind, int(met.rstrip(".")), float(run.t[-1]), MappingProxyType(place)
-        )
+        last = MappingProxyType(place)
+        return NoSlip(run, t, shares, names, law, kind, int(met.rstrip(".")), float(run.t[-1]), last, observed)
 
 
 def check_sticks(slips: Mapping[str, float], others: Mapping[str, float]) -> None:
-    """Raise `DeclarationError` for slip velocities that are none beside the other values of a start."""
+    """Raise `DeclarationError` for slip velocities that are none beside the other velocities of a start."""
     fastest = max((abs(value) for value in others.values()), default=0.0)
     for name, value in slips.items():
-        if abs(value) > SLIPPING * (1.0 + fastest):
+        if abs(value) > SLIPPING * fastest:
             raise DeclarationError(
                 f"the start slips: {name} = {value:.6g}.",
                 "Ask whether no-slip holds from a start without slip.",

@@ -157,6 +157,10 @@ def test_a_proof_is_accepted_and_says_what_was_proved(proof: dict) -> None:
     assert one.period[0] < 1.6 < one.period[1]
     assert "just one closed orbit" in str(found)
     assert found.as_dict()["annuli"][0]["contraction"] < 0.0
+    # Where the cycle is not called unique its contraction is not looked at.
+    other = copy.deepcopy(proof)
+    other["annuli"][0] |= {"unique": False, "contraction": (-1000.0).hex()}
+    assert cycle_checker.check(other).as_dict()["annuli"][0]["contraction"] is None
 
 
 @pytest.mark.parametrize("name", thinned(CHANGES, 3))

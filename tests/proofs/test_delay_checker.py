@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gsp.proofs import intervals as ia
-from gsp.proofs.checked_passage import CheckedDelay
+from gsp.proofs.checked_passage import CheckedDelay, CheckedPassage
 from gsp.proofs.passage_checker import DelayChecker
 from gsp.proofs.programs import IntervalProgram, Rejected
 
@@ -117,11 +117,26 @@ def test_the_integral_over_a_strip_is_open_by_so_much_as_the_slopes_leave(above:
     assert time == (ia.ONE // 4, ia.ONE // 4)
 
 
+def test_what_is_proved_above_the_sheet_is_said_of_no_orbit_below_it() -> None:
+    # k = y - 10 v attracts above v = 0, and repels at once at (-1, -1/5), where it is 1.
+    grid = tuple(k / 64 - 1.0 for k in range(64))
+    with pytest.raises(Rejected):
+        delay(1, "1", "z0 - 10*z1", grid, 60, None, above=False, width=(0.2).hex()).checked()
+    found = delay(1, "1", "z0 - 10*z1", grid, 60, None, above=True, width=(0.2).hex()).checked()
+    passage = CheckedPassage(("y", "v", "epsilon"), ("1", "z0 - 10*z1"), (F(0), F(0)), found)
+    assert "orbits with 0 <= z1 <= 0.2 over z0 = -1" in str(passage)
+    assert passage.as_dict()["above"] is True
+    both = CheckedPassage(
+        ("y", "v", "epsilon"), ("1", "z0"), (F(0), F(0)), delay(1, "1", "z0", grid, 60, None).checked()
+    )
+    assert "orbits with |z1| <= 0.125 over z0 = -1" in str(both)
+
+
 def test_what_is_told_is_what_is_claimed() -> None:
     found = delay(
         1, "1", "z0", (-1.0, -0.5, 0.0, 1.5), 2, 3, time=row(0.75, 2.5), depth=(0.375).hex()
     ).checked()
-    assert found == CheckedDelay(0.0625, 0.125, -1.0, 0.0, 1.5, (0.75, 2.5), 0.375)
+    assert found == CheckedDelay(0.0625, 0.125, -1.0, 0.0, 1.5, (0.75, 2.5), 0.375, False)
 
 
 def test_the_sheet_itself_and_epsilon_zero_are_among_what_is_looked_at() -> None:
