@@ -95,7 +95,7 @@ class NoSlip(Drawn, Tabular):
         Where a contact lets go its speed grows as 1/sqrt(T - t), and so it is summed over sqrt(T - t), by Gauss's rule.
         """
         end = float(self.t[-1])
-        edges = np.sqrt(end - self.run.t)
+        edges = np.sqrt(end - self.run.t[self.run.t <= end])
         nodes, weights = np.polynomial.legendre.leggauss(BETWEEN)
         middle, half = 0.5 * (edges[:-1] + edges[1:]), 0.5 * (edges[:-1] - edges[1:])
         z = (middle[:, None] - half[:, None] * nodes).ravel()
