@@ -690,3 +690,34 @@ def test_without_a_loss_the_remedy_is_that_of_the_passage() -> None:
     found = entry_exit(branch(system({y: -y}, {x: y - x})), start={"y": 1}, longest=5)
     assert "raise longest" in found.message
     assert "max_steps" not in found.message
+
+
+def passage_of(fast: dict) -> gsp.DelayedExit:
+    system = gsp.SlowFastSystem(slow={Y_: 1}, fast=fast, epsilon=sp.Symbol("epsilon"))
+    near = {**{s.name: 0 for s in fast}, "y": -1}
+    return gsp.entry_exit(gsp.solve_critical(system).nearest(near), start={"y": -1})
+
+
+Y_, X_, W_ = sp.symbols("y x w")
+
+
+def test_fast_variables_that_do_not_move_one_another_leave_each_for_itself() -> None:
+    """x leaves at 1 and w at 3/2; moved by x, w has the size of exp of the integral of the rightmost eigenvalue."""
+    grows = 2 * Y_ - sp.Rational(1, 2)
+    with pytest.raises(PassageError, match=r"the others do not move \(x; w\)"):
+        passage_of({X_: Y_ * X_, W_: grows * W_})
+    # Phi: -1/2 up to 0, 1/8 more up to 1/2, where w takes over, and y^2 - y/2 from there.
+    found = passage_of({X_: Y_ * X_, W_: grows * W_ + X_})
+    assert found.point["y"] == pytest.approx((1 + np.sqrt(7)) / 4, abs=1e-9)
+    assert passage_of({X_: Y_ * X_, W_: -W_ - 3 * W_ * Y_**2}).point["y"] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_an_eigenvalue_that_rises_without_speed_is_no_pitchfork() -> None:
+    for power in (3, 5):
+        with pytest.raises(PassageError, match="with no speed, to a higher order"):
+            passage_of({X_: Y_**power * X_ + sp.Symbol("epsilon")})
+        found = passage_of({X_: Y_**power * X_ - X_**3})
+        assert found.losses[0].kind is LossKind.DEGENERATE
+        assert found.losses[0].point["y"] == pytest.approx(0.0, abs=1e-3)
+        assert found.point["y"] == pytest.approx(1.0, abs=1e-9)
+    assert passage_of({X_: Y_ * X_ / 1000 - X_**3}).losses[0].kind is LossKind.PITCHFORK

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
@@ -53,7 +54,9 @@ def entry_exit(
     Any number of slow and of fast variables; several fast modes are taken to be coupled, as they are by eigenvectors
     that turn, so that the rightmost eigenvalue counts.
 
-    Raises `PassageError` where the branch does not attract at the start, and where it ends (a fold);
+    Raises `PassageError` where the branch does not attract at the start, where it ends (a fold), where an eigenvalue of
+    fast variables that the others do not move takes over, and where an eigenvalue rises through 0 with no speed on a
+    branch that is not invariant;
     `UnsupportedFunctionError` when a pair is lost and the field is not analytic; `DeclarationError` for arguments
     that are not well formed.
 
@@ -139,6 +142,7 @@ class _Passage:
         """Take in one piece; the time of the exit when it is on it."""
         if piece.has_kink and all(abs(piece.t[0] - other) > SAME * self.orbit.end for other in self.takeovers):
             self.takeovers.append(float(0.5 * (piece.t[0] + piece.t[-1])))
+            self._check_coupled(piece)
         before = self.phi
         self.pieces.append(piece)
         self.ends.append(before)
@@ -154,6 +158,30 @@ class _Passage:
             if self.losses and phi[i] >= self.level and piece.values[i] > 0.0:
                 return crossing(piece.t, phi, self.level, i)
         return None
+
+    def _check_coupled(self, piece: ResolvedPanel) -> None:
+        """Raise `PassageError` where what takes over is an eigenvalue of fast variables that the others do not move."""
+        orbit, panel = self.orbit, self.orbit.panels[-1]
+        matrices = np.array([orbit.fast_jacobian(z) for z in panel.z])
+        count, groups = connected_components((matrices != 0.0).any(axis=0), directed=False)
+        if count == 1:
+            return
+
+        def rightmost(t: float) -> int:
+            g_y = orbit.fast_jacobian(orbit.at(t))
+            blocks = [g_y[np.ix_(groups == k, groups == k)] for k in range(count)]
+            return int(np.argmax([np.linalg.eigvals(block).real.max() for block in blocks]))
+
+        beside = SAME * (panel.t[-1] - panel.t[0])
+        first, last = max(piece.t[0] - beside, panel.t[0]), min(piece.t[-1] + beside, panel.t[-1])
+        if rightmost(float(first)) != rightmost(float(last)):
+            fast = [y.name for y in orbit.branch.system.y]
+            told = "; ".join(", ".join(name for name, g in zip(fast, groups) if g == k) for k in range(count))
+            raise PassageError(
+                f"another eigenvalue takes over at t = {piece.t[0]:.6g}, of fast variables that the others do not move "
+                f"({told}), so that each group leaves for itself.",
+                "Ask for each group by itself, with the others put in from the branch.",
+            )
 
     def _meet(self, piece: ResolvedPanel, t: float, before: float) -> None:
         slope = float(interpolate(piece.t, _derivative(piece), np.array([t]))[0])

@@ -32,6 +32,7 @@ from gsp.errors import GspError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.roots import root
 from gsp.singular.passage.complex_time import TurningPoint, turning_points
+from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_passage import ZERO
 from gsp.singular.passage.slow_orbit import SlowOrbit
 from gsp.slow.series import expand
@@ -133,6 +134,22 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
             {"omega": leading.imag},
             tuple(found),
         )
+    past = np.vstack([panel.z for panel in orbit.panels])
+    speed = float(np.abs(orbit.eigenvalues(past)[:, 0].real).max()) / orbit.time
+    if crossing <= np.sqrt(np.finfo(float).eps) * speed:
+        # A zero of the order k is known to the k-th root of rounding, and no coefficient of it is.
+        near = {
+            n.name: float(np.round(v / r, 3) * r) + 0.0 for n, v, r in zip(system.states, z, 1e14 * rounding)
+        }
+        if not invariant:
+            shown = ", ".join(f"{name} = {value:.4g}" for name, value in near.items())
+            raise PassageError(
+                f"the rightmost eigenvalue rises through 0 near {shown} with no speed, to a higher order, and the "
+                "branch is not invariant: how it is left is not decided here.",
+                "Run the full system.",
+            )
+        none = float("inf")
+        return PassedLoss(t, near, LossKind.DEGENERATE, leading.real + 0j, 0.0, Outcome.DELAY, none, {})
     coefficients = _real_coefficients(orbit, z, crossing)
     transcritical = "lambda" in coefficients
     kind = LossKind.TRANSCRITICAL if transcritical else LossKind.PITCHFORK
