@@ -17,7 +17,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
@@ -163,7 +162,10 @@ class _Passage:
         """Raise `PassageError` where what takes over is an eigenvalue of fast variables that the others do not move."""
         orbit, panel = self.orbit, self.orbit.panels[-1]
         matrices = np.array([orbit.fast_jacobian(z) for z in panel.z])
-        count, groups = connected_components((matrices != 0.0).any(axis=0), directed=False)
+        moved = (matrices != 0.0).any(axis=0) | np.eye(matrices.shape[1], dtype=bool)
+        reached = np.linalg.matrix_power((moved | moved.T).astype(float), len(moved)) > 0.0
+        groups = np.unique(reached, axis=0, return_inverse=True)[1].ravel()
+        count = int(groups.max()) + 1
         if count == 1:
             return
 
