@@ -178,7 +178,9 @@ class _Passage:
         first, last = max(piece.t[0] - beside, panel.t[0]), min(piece.t[-1] + beside, panel.t[-1])
         if rightmost(float(first)) != rightmost(float(last)):
             fast = [y.name for y in orbit.branch.system.y]
-            told = "; ".join(", ".join(name for name, g in zip(fast, groups) if g == k) for k in range(count))
+            told = "; ".join(
+                ", ".join(name for name, g in zip(fast, groups) if g == k) for k in dict.fromkeys(groups)
+            )
             raise PassageError(
                 f"another eigenvalue takes over at t = {piece.t[0]:.6g}, of fast variables that the others do not move "
                 f"({told}), so that each group leaves for itself.",

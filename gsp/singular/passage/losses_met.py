@@ -135,7 +135,7 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
             tuple(found),
         )
     past = np.vstack([panel.z for panel in orbit.panels])
-    speed = float(np.abs(orbit.eigenvalues(past)[:, 0].real).max()) / orbit.time
+    speed = float(np.abs(np.real(orbit.eigenvalues(past)[:, 0])).max()) / orbit.time
     if crossing <= np.sqrt(np.finfo(float).eps) * speed:
         # A zero of the order k is known to the k-th root of rounding, and no coefficient of it is.
         near = {
