@@ -315,10 +315,11 @@ def _verdict(
             f"; between {low:.3g} and {high:.3g} runs end differently where no orbit from the start meets the edge: "
             "rounding may decide there, or another edge state"
         )
-    if count % 2 != (tips[0] != tips[1]):
-        return TippingVerdict.UNDECIDED, f"{message}: a rate between them was not found"
     if count == 0 and unmatched:
         return TippingVerdict.UNDECIDED, message
+    # Where some were not found their number says nothing.
+    if not unmatched and count % 2 != (tips[0] != tips[1]):
+        return TippingVerdict.UNDECIDED, f"{message}: a rate between them was not found"
     if count == 0:
         return (TippingVerdict.ALWAYS if tips[0] else TippingVerdict.NEVER), message
     if count > 1 or unmatched:
