@@ -56,7 +56,7 @@ class Printer(CodePrinter):
         # Symbols of the text's own names: what SymPy puts in order is then in the same order every time.
         places = {symbol: sp.Symbol(name) for symbol, name in self._names.items()}
         self._names.update({place: place.name for place in places.values()})
-        symbols = iter(map(sp.Symbol, fresh))
+        symbols = map(sp.Symbol, fresh)
         if any(map(is_shared, outputs)):
             shared, results = named_parts(outputs, symbols, places)
         else:

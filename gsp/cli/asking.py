@@ -80,7 +80,7 @@ def asks(*names: str, by_two: bool = False, looks: bool = False, tells: bool = F
             fast: str | None = None,
             **others: Any,
         ) -> Any:
-            keep_model(model, others.get("output"))
+            keep_model(model, *others.values())
             with compiled_by_two() if by_two else nullcontext():
                 scene = scene_with_options(load_scene(model), settings, None, intervals, start)
                 scene = taken(scene, small, fast)
@@ -102,9 +102,10 @@ def asks(*names: str, by_two: bool = False, looks: bool = False, tells: bool = F
     return decorate
 
 
-def keep_model(model: str, output: object) -> None:
-    """Refuse to write over the file that the model is read from."""
-    if isinstance(output, Path) and os.path.isfile(output) and os.path.isfile(model) and output.samefile(model):
+def keep_model(model: str, *options: object) -> None:
+    """Refuse to write over the file that the model is read from, where one of the `options` is its path."""
+    outputs = (option for option in options if isinstance(option, Path) and option.is_file())
+    if any(os.path.isfile(model) and output.samefile(model) for output in outputs):
         raise DeclarationError("the output would be written over the model.", "Give another path.", got=model)
 
 

@@ -49,9 +49,11 @@ def nest(scene: Scene, pair: str | None, order: int, as_json: bool) -> None:
         )
         for loss in study.hyperbolicity.losses:
             tell(f"  {str(loss).splitlines()[0]}")
-    if measured and found.first.hyperbolicity.kind is not found.second.hyperbolicity.kind:
+    kinds = {str(found.first.hyperbolicity.kind), str(found.second.hyperbolicity.kind)}
+    if measured and kinds not in ({"attracting"}, {"repelling"}):
         tell(
-            "Runs leave a manifold that is not attracting, or not repelling, in both: errors from runs say little here."
+            "Not everything attracts here, and not everything repels. Full runs leave the slow manifold in either "
+            "direction of time, so the errors below say little about the series."
         )
     for name, each in measured.items():
         tell(f"\n{name}: {each}")

@@ -12,6 +12,7 @@ from gsp.cli.asking import (
     OPTIONS,
     asks,
     json_option,
+    keep_model,
     load_scene,
     output_option,
     scene_with_options,
@@ -165,6 +166,7 @@ def demo(
             )
         _list_demos(stories(), as_json)
         return
+    keep_model(model, output, story)
     scene = taken(scene_with_options(load_scene(model), settings, None, ()), small, fast)
     scene = scene_with_options(scene, (), epsilon, ())
     tell_variables(scene)

@@ -138,7 +138,7 @@ class DryFrictionSystem(SlippingSystem):
         reaches = tuple(contact.reach(multipliers) for contact in self.contacts)
         field = self.limit.full_field
         clock = {s: sp.S.One for s in self.system.clock if s not in field.states}
-        if any(e.has(*clock) for e in (*self.loads, *grips)) if clock else False:
+        if any(e.has(*clock) for e in (*self.loads, *grips)):
             # Time may act across the constraints alone.
             field = VectorField({**field.equations, **clock}, parameters=field.parameters, name=field.name)
         along = tuple(map(str, self.frame.along))

@@ -71,8 +71,7 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
     `read` gives the scene of a model file. Raises `ModelFileError` when `small` can be none.
     """
     name, ordinary = _small(model, small, read)
-    kept_of = {p: tuple(_made_of(model, p)) for p in model.parameters if p != name}
-    worked_out = {parameter: words for parameter, words in kept_of.items() if words}
+    worked_out = {p: tuple(words) for p in model.parameters if p != name and (words := _made_of(model, p))}
     if name is None:
         notes = [model.understood, *ordinary, *_told(model)]
         text = _written(model, None, notes, fast=())

@@ -91,7 +91,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
     ]
     for k, shifts in enumerate(found.transformation, 1):
         rows += [
-            (setting.inline(row(setting.set.row(s), "<mtext>&nbsp;before averaging</mtext>")), k, e)
+            (Markup("{} before averaging").format(setting.inline(s)), k, e)
             for s, e in shifts.items()
             if e != 0
         ]

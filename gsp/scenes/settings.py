@@ -25,22 +25,20 @@ def ask_again(
     have, for a parameter of which its file worked something out that is not given too, and where what results is no
     scene.
     """
-    for name in parameters or {}:
+    given = parameters or {}
+    declared = [parameter.name for parameter in scene.system.parameters]
+    for name in given:
         if scene.has_small and name == str(scene.system.epsilon):
             raise DeclarationError(
                 f"{name} is the small parameter, whose value is asked for as epsilon.",
                 "Use --epsilon VALUE, or epsilon=VALUE in Python.",
             )
-        kept = [word for word in scene.worked_out.get(name, ()) if word not in (parameters or {})]
+        kept = [word for word in scene.worked_out.get(name, ()) if word not in given]
         if kept:
             raise DeclarationError(
                 f"what was worked out of {name} when the file was read would stay as it is: {', '.join(kept)[:300]}.",
                 f"Write the value of {name} into the file"
-                + (
-                    ", or give these values too."
-                    if all(w in map(str, scene.system.parameters) for w in kept)
-                    else "."
-                ),
+                + (", or give these values too." if all(word in declared for word in kept) else "."),
             )
     system = scene.system.with_parameters(**parameters) if parameters else scene.system
     states = [state.name for state in scene.system.states]

@@ -194,7 +194,7 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
             f"small parameter: {epsilon} = {scene.epsilon:g}"
             + ("" if slower else f", which divides the rates of {', '.join(fast)}")
         ]
-        if scene.epsilon >= BOOKKEEPING:
+        if scene.epsilon >= 1.0:
             said.append(f"{epsilon} = {scene.epsilon:g} is not small, and series in it are of no use")
         parameters = {s: v for s, v in system.parameters.items() if s != epsilon}
         if slower:

@@ -60,7 +60,8 @@ class NoSlip(Drawn, Tabular):
         """
         return self._creep(epsilon, self.t)
 
-    def _creep(self, epsilon: float, t: np.ndarray) -> np.ndarray:
+    def _creep(self, epsilon: float, t: np.ndarray, *, most: float = np.inf) -> np.ndarray:
+        """The same at any times, with shares of `most` where they are larger."""
         small, high = check_epsilon(epsilon), _bears(self.law)
         phi = compile_function(
             (self.law.expression,), arguments=(self.law.symbol,), epsilon=None, parameters=()
@@ -86,7 +87,7 @@ class NoSlip(Drawn, Tabular):
             size = np.sqrt(seen[load])
             with np.errstate(invalid="ignore"):
                 stretch = np.where(size > 0.0, np.sqrt(seen[reach]) / size, 1.0)
-            speeds.append([slip(float(share)) for share in size / high] * stretch)
+            speeds.append([slip(float(share)) for share in np.minimum(size / high, most)] * stretch)
         return small * np.array(speeds)
 
     def distance(self, epsilon: float) -> np.ndarray:
@@ -101,7 +102,10 @@ class NoSlip(Drawn, Tabular):
         z = (middle[:, None] - half[:, None] * nodes).ravel()
         if not z.size:
             return np.zeros(len(self.names))
-        return self._creep(epsilon, end - z**2) @ (2.0 * z * (half[:, None] * weights).ravel())
+        # A step that ends where a contact lets go may be so short that shares are 1 to rounding all over it.
+        return self._creep(epsilon, end - z**2, most=1.0 - np.finfo(float).eps) @ (
+            2.0 * z * (half[:, None] * weights).ravel()
+        )
 
     def __repr__(self) -> str:
         answer = "holds" if self.holds else "fails" if self.loss else "open"

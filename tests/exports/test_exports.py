@@ -489,11 +489,13 @@ def test_no_two_names_look_alike_in_latex_and_none_like_a_rate() -> None:
     assert r"with $\mathrm{k1} = 1, \mathrm{k\_1} = 2$." in text
 
 
-def test_the_model_is_not_written_over(tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", [["export", "-o"], ["demo", "--no-open", "-o"], ["chart", "--csv"]])
+def test_the_model_is_not_written_over(tmp_path: Path, command: list[str]) -> None:
     path = tmp_path / "m.toml"
     gsp.save(models.load("linear"), path)
     before = path.read_bytes()
-    result = CliRunner().invoke(cli, ["export", str(path), "-o", str(tmp_path / "." / "m.toml")])
+    verb, *options = command
+    result = CliRunner().invoke(cli, [verb, str(path), *options, str(tmp_path / "." / "m.toml")])
     assert result.exit_code == 1
     assert "the output would be written over the model" in str(result.exception)
     assert path.read_bytes() == before

@@ -112,7 +112,9 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
     """The loss at time `t`, where the rightmost real part rises through 0 at the rate `crossing`."""
     z = orbit.at(t)
     system = orbit.branch.system
-    rounding = 1e-14 * (orbit.units + np.abs(np.vstack([panel.z for panel in orbit.panels])).max(axis=0))
+    path = np.vstack([panel.z for panel in orbit.panels])
+    sizes = orbit.units + np.abs(path).max(axis=0)
+    rounding = 1e-14 * sizes
     point = {s.name: 0.0 if abs(v) < r else float(v) for s, v, r in zip(system.states, z, rounding)}
     values = orbit.eigenvalues(z[None, :])[0]
     size = float(np.abs(values).max())
@@ -134,12 +136,11 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
             {"omega": leading.imag},
             tuple(found),
         )
-    past = np.vstack([panel.z for panel in orbit.panels])
-    speed = float(np.abs(np.real(orbit.eigenvalues(past)[:, 0])).max()) / orbit.time
+    speed = float(np.abs(np.real(orbit.eigenvalues(path)[:, 0])).max()) / orbit.time
     if crossing <= np.sqrt(np.finfo(float).eps) * speed:
         # A zero of the order k is known to the k-th root of rounding, and no coefficient of it is.
         near = {
-            n.name: float(np.round(v / r, 3) * r) + 0.0 for n, v, r in zip(system.states, z, 1e14 * rounding)
+            s.name: float(np.round(v / size, 3) * size) + 0.0 for s, v, size in zip(system.states, z, sizes)
         }
         if not invariant:
             shown = ", ".join(f"{name} = {value:.4g}" for name, value in near.items())
