@@ -91,9 +91,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
     ]
     for k, shifts in enumerate(found.transformation, 1):
         rows += [
-            (Markup("{} before averaging").format(setting.inline(s)), k, e)
-            for s, e in shifts.items()
-            if e != 0
+            (Markup("{} before averaging").format(setting.inline(s)), k, e) for s, e in shifts.items() if e != 0
         ]
     orders = list(measured.errors)
     return (
