@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "gsp"
@@ -18,8 +19,17 @@ WITH_MORE = {
 KERNELS_WITH_MORE = 21
 
 
-def parsed() -> dict[Path, ast.Module]:
-    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(SOURCE.rglob("*.py"))}
+@cache
+def declared() -> tuple[dict[str, list[str]], dict[str, tuple[Path, int]]]:
+    """Places of classes by name, and the module and the parameters of functions; trees take too much memory to keep."""
+    places, counts = defaultdict(list), {}
+    for path in sorted(SOURCE.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(f"{path.relative_to(SOURCE)}:{node.lineno}")
+        counts |= {name: (path, count) for name, count in functions(tree.body) if count > MOST}
+    return places, counts
 
 
 def functions(body: list[ast.stmt], within: str = "") -> list[tuple[str, int]]:
@@ -37,19 +47,13 @@ def functions(body: list[ast.stmt], within: str = "") -> list[tuple[str, int]]:
 
 
 def test_no_two_classes_share_a_name() -> None:
-    places = defaultdict(list)
-    for path, tree in parsed().items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ClassDef):
-                places[node.name].append(f"{path.relative_to(SOURCE)}:{node.lineno}")
+    places, _ = declared()
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
 
 
 def test_functions_have_eight_parameters_at_most() -> None:
-    many = {
-        name: path for path, tree in parsed().items() for name, count in functions(tree.body) if count > MOST
-    }
-    kernels = {name for name, path in many.items() if "kernels" in path.parts}
+    _, many = declared()
+    kernels = {name for name, (path, _) in many.items() if "kernels" in path.parts}
     assert set(many) - kernels == WITH_MORE
     assert len(kernels) <= KERNELS_WITH_MORE
 
