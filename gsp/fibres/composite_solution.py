@@ -152,8 +152,8 @@ def composite(
     """The composite expansion of the solution through `start` over `span`, in error by O(epsilon^(order+1)).
 
     `start` names every state of the system in standard form; with `at` (m,) these are the result's times. Raises as
-    `project` does, `HyperbolicityError` on a repelling branch, whose layer grows, and `DeclarationError`
-    for an order that the series does not reach.
+    `project` does, `HyperbolicityError` where the layer grows, on a repelling branch and backward in time, and
+    `DeclarationError` for an order that the series does not reach.
 
     >>> from gsp.fibres.composite_solution import composite
     >>> x, y, eps = sp.symbols("x y epsilon")
@@ -178,6 +178,12 @@ def composite(
         raise HyperbolicityError(
             f"the branch {branch} repels, so a layer grows forward in time from {dict(inner.start)}.",
             "There is nothing to match; start on the manifold, or on an attracting branch.",
+        )
+    if last < first:
+        raise HyperbolicityError(
+            f"the branch {branch} attracts, so a layer grows backward in time from {dict(inner.start)}.",
+            "There is nothing to match; give a span that runs forward.",
+            got=f"span = ({first:g}, {last:g})",
         )
     base = {n: sum(float(c) * value**k for k, c in enumerate(terms)) for n, terms in inner.base.items()}
     outer = trajectory_of(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=ATOL)

@@ -181,6 +181,9 @@ def test_what_cannot_be_matched_is_refused() -> None:
     repelling = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: y - x}, epsilon=epsilon)).branches[0]
     with pytest.raises(HyperbolicityError, match="repels"):
         composite(repelling, {"x": 1, "y": 2}, span=(0, 1), epsilon=0.1)
+    attracting = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=epsilon)).branches[0]
+    with pytest.raises(HyperbolicityError, match="grows backward"):
+        composite(attracting, {"x": 1, "y": 2}, span=(0, -1), epsilon=0.1)
     with pytest.raises(DeclarationError, match="non-negative integer"):
         composite(SLEIGH, SLIDING, span=(0, 1), epsilon=0.1, order=-1)
     with pytest.raises(DeclarationError, match="known through order 1"):
