@@ -411,6 +411,16 @@ def test_without_forcing_there_is_no_buffer_point() -> None:
     assert found.point["t"] == pytest.approx(2, abs=1e-12)
 
 
+def test_a_pole_of_the_critical_manifold_sets_the_buffer_point() -> None:
+    # s' = 2, epsilon z' = (s + 3 i) z + s/4 - i/2: lambda = 0 at s = -3 i, where M0 has a pole, and
+    # Re int lambda ds = (s**2 + 9)/2 from there, which equals 9 at s = 3.
+    forced = branch(system({s: 2}, {x: s * x - 3 * y + s / 4, y: 3 * x + s * y - sp.Rational(1, 2)}))
+    late = entry_exit(forced, start={"s": -5})
+    assert late.kind is ExitKind.BUFFER
+    assert late.point["s"] == pytest.approx(3, abs=1e-10)
+    assert late.loss.turning_points[0].t == pytest.approx((5 - 3j) / 2, abs=1e-9)
+
+
 CURVED = system(
     {t: 1 + t / 4, s: -s / 2},
     {

@@ -9,7 +9,8 @@ by about exp(Re int lambda/epsilon) from the turning point t*, so that no orbit 
 the buffer point (Shishkova 1973; Neishtadt, Differential Equations 23 (1987) 1385-1391 and 24 (1988) 171-176; Baer,
 Erneux and Rinzel, SIAM J. Appl. Math. 49 (1989) 55-71). The field must be analytic. As a rule M0 folds over complex x
 where g_y is singular, and x(t) has a branch point at t*: besides t the orbit is continued in the time tau with
-dt = det(E_y) dtau, {E = 0} the branch, in which it passes through folds.
+dt = det(E_y) dtau, {E = 0} the branch, in which it passes through folds. Where g is linear in the fast variables M0
+has a pole there: when the slow rates do not contain them, x(t) does not know of it, and x(t) alone is continued.
 """
 
 from __future__ import annotations
@@ -118,13 +119,19 @@ class ComplexOrbit:
         values = dict(system.parameters)
         E = orbit.branch.equations if through_folds else equations.E
         slopes = [derivative(e, s) for symbols in (system.x, system.y) for e in E for s in symbols]
-        self._field = ComplexFunction([*equations.f, *slopes], system.states, values)
+        needed = set[sp.Symbol]().union(*(e.free_symbols for e in (*equations.f, *equations.g_y)))
+        self.slow_alone = not through_folds and needed.isdisjoint(system.y)
+        self._field = ComplexFunction(
+            [*equations.f, *([] if self.slow_alone else slopes)], system.states, values
+        )
         self._g_y = ComplexFunction(equations.g_y, system.states, values)
 
     def rate(self, z: np.ndarray) -> np.ndarray:
         """d(t, x, y)/dtau = (det E_y, f det E_y, -adj(E_y) E_x f), or that over det E_y."""
         m, n = self.m, self.n
         out = self._field(z[1:])
+        if self.slow_alone:
+            return np.concatenate([[1.0], out, np.zeros(n)])
         f, E_x, E_y = out[:m], out[m : m + n * m].reshape(n, m), out[m + n * m :].reshape(n, n)
         if not self.through_folds:
             return np.concatenate([[1.0], f, -np.linalg.solve(E_y, E_x @ f)])
