@@ -183,6 +183,25 @@ def test_secondary_canards_of_the_normal_form_scale_with_epsilon() -> None:
     assert places[0] == pytest.approx(places[1], rel=1e-8)
 
 
+def test_lines_along_the_variable_of_the_section_begin_at_the_strong_canard() -> None:
+    # From z = -0.8 to z = 0 orbits far out take longer than those near the weak canard, for z' = 1 + y/3.
+    curved = gsp.SlowFastSystem(
+        slow={x: z / 10 - sp.Rational(11, 10) * y, z: 1 + y / 3}, fast={y: x + y**2 + y**3 / 4}, epsilon=epsilon
+    )
+    found = node(curved, x=(-2, 2), z=(-1, 1), y=(-1, 1))
+    usual, others = (
+        gsp.folded_canards(found, epsilon=0.001, **lines)
+        for lines in ({}, {"attracting": {"z": -0.8}, "repelling": {"z": 0.8}})
+    )
+    assert [c.name for c in others.canards] == ["gamma_0", "xi_1", "gamma_w"]
+    assert [c.half_turns for c in others.canards] == [1, 3, None]
+    # Without y/3 and y^3/4 these are y = a z with 2 a^2 - 11 a/10 + 1/10 = 0, so that x = epsilon a at z = 0.
+    for name, sign in (("gamma_0", 1), ("gamma_w", -1)):
+        assert others[name].point["x"] / 0.001 == pytest.approx((1.1 + sign * 0.41**0.5) / 4, rel=0.01)
+    for canard in others.canards:
+        assert canard.point["x"] == pytest.approx(usual[canard.name].point["x"], abs=1e-9)
+
+
 @pytest.mark.exhaustive
 def test_a_change_of_variables_changes_nothing() -> None:
     # u = 2 x + z, w = z - 3 x and the fast variable -4 y; the same canards take the same time.

@@ -73,6 +73,12 @@ class SheetLine:
         place = int(enough[0]) if enough.size else furthest
         return Plane(2, float(states[place, 2]))
 
+    @property
+    def beginning(self) -> np.ndarray:
+        """Where the strong canard crosses the line (3,)."""
+        assert self.crossing is not None
+        return self.strong.at(self.crossing)[:3]
+
     def starts(self) -> Iterator[tuple[np.ndarray, float]]:
         """Points of the line inside the funnel, from the strong canard on, and the slow time from each to the node."""
         frame = self.frame
@@ -82,7 +88,7 @@ class SheetLine:
         met = _crossing(beside, self.plane)
         if met is None or self.crossing is None:
             return
-        z = self.strong.at(self.crossing)[:3]
+        z = self.beginning
         along, distance = self._along(z, beside.at(met)[:3] - z), frame.unit
         for _ in range(HALVINGS):
             if self._serves(self._on(z + distance * along)):
@@ -102,7 +108,7 @@ class SheetLine:
         """Whether the desingularised reduced flow crosses the line at z as along the strong canard, to the node."""
         if self.crossing is None:
             return False
-        return self._heading(z) * self._heading(self.strong.at(self.crossing)[:3]) > 0.0
+        return self._heading(z) * self._heading(self.beginning) > 0.0
 
     def _serves(self, z: np.ndarray) -> bool:
         """On the line's sheet, and before the line runs along the slow flow, where the family ends."""

@@ -298,14 +298,15 @@ class SheetBuilder(Tracer[_SheetNode]):
     # -- continuation ------------------------------------------------------------------------------
 
     def _trace(self, first: OrbitSegment, *, inwards: bool) -> Trace[_SheetNode]:
-        """Follow the family from `first`; inwards orbits take longer, for the weak canard is slower."""
+        """Follow the family from `first`; inwards is along the line away from the strong canard, over the funnel."""
         node = self._node(first, None)
         if node is None:
             return Trace(
                 [_SheetNode(first, NOWHERE, OrbitChange(*3 * (NOWHERE,)), NOWHERE, NOWHERE)],
                 ending=SheetEnd.SINGULAR,
             )
-        if (node.normal[6] > 0.0) != inwards:
+        away = self._line_end(first) - self.start.beginning
+        if ((self.weights[:3] * away) @ node.normal[:3] > 0.0) != inwards:
             node = replace(node, normal=-node.normal, tangent=node.tangent.times(-1.0))
         self._inwards, self._still, self._allowed = inwards, 0, self.solver.work + WORK // 2
         trace = Trace([node])
