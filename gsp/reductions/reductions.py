@@ -218,7 +218,7 @@ def find_reductions(
     look_at(part for _, part in ranked[:MEASURED])
     named = set(found)
     # Where nothing that has a name is as fast as the widest gap says, combinations of states may be.
-    count = int(np.argmax(gaps)) + 1 if gaps.size else 0
+    count = int(np.argmax(gaps)) + 1 if gaps.size and gaps.max() >= needed_gap(LARGEST) else 0
     if count and not any(len(found[each].system.y) == count for each in _separated(found)):
         unnamed = fast_directions(field, run.y[:, -1], count, gaps[count - 1])
         look_at(part for _, part in _screened(plain, run, gaps, unnamed))

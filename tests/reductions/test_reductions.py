@@ -780,3 +780,23 @@ def test_a_parameter_that_stands_elsewhere_too_is_no_small_parameter() -> None:
     # One that divides the whole rate, and nothing else, is.
     assert full_cut.recommended is not None
     assert str(full_cut.recommended.scene.system.epsilon) == "C"
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [
+        {"x": "y - x", "y": "20*(x - y)"},
+        {"b": "3*a - 300*b", "a": "300*b - 3*a"},
+        {"x": "y - 2*x + z", "y": "20*x - 40*y", "z": "40*y - 20*x - y + 2*x - z"},
+    ],
+    ids=["an exchange", "a closed reaction", "a closed cycle"],
+)
+def test_where_only_one_rate_is_not_zero_there_is_no_gap(rates: Mapping[str, str], tmp_path) -> None:
+    """What a closed vessel conserves stands still, and nothing moves on the manifold of its equilibria."""
+    closed = scene(rates, {}, dict(zip(rates, (1, 0.5, 0))), 5)
+    found = find_reductions(closed, tolerance=0.01)
+    assert all(np.isfinite(each.error) or each.why_not for each in found.found)
+    gsp.save(closed, tmp_path / "closed.toml")
+    ran = CliRunner().invoke(cli, ["choose", str(tmp_path / "closed.toml")])
+    assert ran.exit_code == 0, ran.output
+    assert "defect" not in ran.output
