@@ -277,10 +277,17 @@ def _by_rules(expression: sp.Expr, t: sp.Symbol) -> sp.Expr | None:
 
     stand_in = {s: sp.Dummy(s.name, positive=True) for s in expression.free_symbols if s != t}
     back = {dummy: s for s, dummy in stand_in.items()}
+    if expression.is_rational_function(t) and _degree_below(expression, t) ** 3 <= TERM_PRODUCTS:
+        # The rules try every way to write a quotient before they come to this one.
+        expression = sp.apart(expression, t)
     result = manualintegrate(expression.xreplace(stand_in), t).xreplace(back)
     if result.has(sp.Integral, sp.Piecewise, sp.RootSum, sp.I) or not _is_elementary(result):
         return None
     return result
+
+
+def _degree_below(expression: sp.Expr, t: sp.Symbol) -> int:
+    return int(sp.degree(sp.fraction(sp.together(expression))[1], t))
 
 
 def _is_tractable(expression: sp.Expr, t: sp.Symbol) -> bool:
