@@ -188,8 +188,8 @@ def _term(term: Any, f: Any, symbol: sp.Symbol) -> tuple[Any, Any] | None:
 def without_overflow(expression: Any) -> Any:
     """`expression` with the quotients that derivatives of 1/cosh and of 1/(c + k exp) bring in made of bounded parts.
 
-    sinh(u)/cosh(u) becomes tanh(u), and exp(u)/B with B = c + k exp(u) becomes (1 - c/B)/k; both parts of each overflow
-    where the quotient is finite. Where exp(u) is small the second loses relative accuracy: take it where needed only.
+    sinh(u)/cosh(u) becomes tanh(u), and exp(u)/B with B = c + k exp(u) becomes 1/(k + c exp(-u)); both parts of each
+    overflow where the quotient is finite.
     """
     if not expression.args:
         return expression
@@ -218,9 +218,11 @@ def _gate_bounded(expression: Any, base: Any, most: int) -> Any:
     k, wave = raised[0].as_independent(sp.exp, as_Add=False)
     if not (k.is_number and isinstance(wave, sp.exp)):
         return expression
+    # One by one: SymPy leaves exp(1 - 2 x) exp(2 x - 1) as it is.
+    factors = sp.Mul.make_args(expression)
+    exponent = sp.Add(*(factor.args[0] for factor in factors if isinstance(factor, sp.exp)))
+    rest = sp.Mul(*(factor for factor in factors if not isinstance(factor, sp.exp)))
     for times in range(most, 0, -1):
-        # Products of exponentials stand as one.
-        rest = expression / wave**times
-        if not any(isinstance(factor, sp.exp) for factor in sp.Mul.make_args(rest)):
-            return rest * base**times * ((1 - (base - raised[0]) / base) / k) ** times
+        if sp.expand(exponent - times * wave.args[0]) == 0:
+            return rest * base**times / (k + (base - raised[0]) * sp.exp(-wave.args[0])) ** times
     return expression

@@ -62,6 +62,22 @@ def test_a_steep_gate_is_attracting_and_holds(seed) -> None:
     assert found.gap == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("steep", [1000, 2000, -30000])
+@pytest.mark.parametrize("power", [1, 2])
+def test_a_steep_gate_of_plain_numbers_holds(steep, power) -> None:
+    """exp(1000 - 2000 x) overflows where the gate and all its slopes are 0 to rounding."""
+    gate = (1 + sp.exp(-steep * (x - Q(1, 2)))) ** -power
+    found = judge(1 + gate, {"x": (0, 1)}, {})
+    assert found.kind is Kind.ATTRACTING, found
+    assert found.holds, found
+    safe = without_overflow(derivative(gate, x))
+    for at in (Q(1, 20), Q(49, 100), Q(51, 100), Q(19, 20)):
+        exact = sp.N(derivative(gate, x).subs(x, at), 30)
+        with np.errstate(over="ignore"):
+            found_there = sp.lambdify(x, safe, "numpy")(np.float64(at))
+        assert found_there == pytest.approx(float(exact), rel=1e-9, abs=1e-300)
+
+
 @pytest.mark.parametrize("part", DIPS.values(), ids=DIPS)
 def test_what_is_written_without_overflow_is_the_same(part) -> None:
     for expression in (derivative(part, x), derivative(derivative(part, x), x)):
