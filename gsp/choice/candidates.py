@@ -261,12 +261,16 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
         return run_model(flow, start, scene, (first, t), rtol, method=method)
 
     run = until(end)
-    if not run.status.ok:
+
+    def ended(short: Trajectory) -> tuple[Trial, Interval]:
         # What it would cost to the end is not known.
         candidate = Candidate(
-            ModelKind.FULL, None, rtol, float(run.t[-1]), preparation=preparation, why_not=run.message
+            ModelKind.FULL, None, rtol, float(short.t[-1]), preparation=preparation, why_not=short.message
         )
         return Trial(candidate), (first, end)
+
+    if not run.status.ok:
+        return ended(run)
     done = run.stats.steps
     # The same steps, none shortened to end with the piece: one that was halved there foretold twice as many.
     attempts = done + run.stats.rejected
@@ -274,7 +278,10 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     more = len(free) - 1 + _density(free, middle) * (last - free[-1]) - done
     total = done + more
     # What such a run takes beside the call itself is little, and no difference of two pieces tells it.
-    if total <= FEW_STEPS and (whole := until(last)).status.ok:
+    if total <= FEW_STEPS:
+        whole = until(last)
+        if not whole.status.ok:
+            return ended(whole)
         candidate = Candidate(
             ModelKind.FULL, None, rtol, last, (), preparation, whole.stats.steps, whole.stats.field_calls, True,
         )  # fmt: skip

@@ -121,7 +121,7 @@ class Choice(Card, Tabular):
             lines.append(f"{row}{seconds_shown(c.preparation):>8}  {c.remark}".rstrip())
         lines.append(
             f"  on t = {self.piece[0]:.4g} to {self.piece[1]:.4g}: predicted {_shown(self.predicted_on_piece)}, "
-            f"measured {_shown(self.measured)}"
+            f"measured {_shown(self.measured) or 'nothing, for a run ended early'}"
         )
         # Else the verdict says it.
         if self.ending and any(c.valid for c in self.candidates if c.kind is not ModelKind.FULL):

@@ -536,7 +536,26 @@ def test_a_full_system_that_stops_on_the_piece_is_told() -> None:
     choice = choose(scene(-x, 1 + y**2))
     assert not choice.model.valid
     assert "stopped after" in choice.model.why_not
+    assert "measured nothing, for a run ended early" in str(choice)
     assert np.isnan(choice.speed_up)
+
+
+@pytest.mark.parametrize(
+    ("rate", "end", "span"),
+    [(x**2, 1.0, 1.2), (x**2, 1.0, 2.0), (x**2 / 5, 5.0, 10.0), (1 + x**2, np.pi / 4, 3.0)],
+)
+def test_a_full_system_that_blows_up_behind_the_piece_is_told_in_few_steps(
+    rate, end: float, span: float
+) -> None:
+    """x = 1/(1 - t), 5/(5 - t) and tan(t + pi/4): the piece is over before, and its steps foretold 6 to the end."""
+    asked = scene(rate, x - y, start={"x": 1, "y": 1}, region={"x": (0, 10)}, span=(0, span), tolerance=1e-3)
+    choice = choose(asked, orders=(0, 1), solve=False)
+    full = choice.candidates[-1]
+    assert full.kind is ModelKind.FULL
+    assert not full.valid
+    assert full.holds_until == pytest.approx(end, abs=1e-6)
+    assert "stopped after" in str(choice)
+    assert "measured nothing" not in str(choice)
 
 
 def test_a_choice_is_a_card_and_a_table() -> None:
