@@ -25,6 +25,8 @@ REACH = 0.5
 # over a pole of the branch, on whose other side another slow manifold lies.
 BENDING = 0.1
 LARGEST, ATTEMPTS = 48, 64
+# Norms are balanced until a sweep over the variables makes them less by no more than this share.
+BALANCED, SWEEPS = 1e-3, 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +157,7 @@ def follow_slow_flow(
         f = flow.rates(z)
         with np.errstate(divide="ignore", invalid="ignore"):
             h = np.minimum(DECAY, goal - decayed + 0.5) * epsilon / gap
-            h = np.minimum(h, SLOW / np.linalg.norm(slow, axis=(1, 2)))
+            h = np.minimum(h, SLOW / _least_norms(slow))
             h = shares * np.minimum(h, REACH * (1.0 + np.linalg.norm(x, axis=1)) / np.linalg.norm(f, axis=1))
         rows = np.flatnonzero(active)
         x_new, y_new, good = flow.step(x[rows], y[rows], sign * h[rows])
@@ -189,6 +191,29 @@ def follow_slow_flow(
     states = np.where(np.arange(m + 1)[:, None] <= counts[:, None, None], states[:, : m + 1], states[:, :1])
     lengths = np.where(np.arange(m) < counts[:, None], lengths[:, :m], 0.0)
     return _graded(flow, states, lengths, counts, fastest, decayed, drift, is_cut_short)
+
+
+def _least_norms(matrices: np.ndarray) -> np.ndarray:
+    """The least Frobenius norms (k,) of T A T^-1 over units T, for stacks A (k, n, n): a rate in no units but time's.
+
+    Rows and columns are made as large, in turn (Osborne, J. ACM 7 (1960) 338).
+    """
+    squares = matrices**2
+    n = matrices.shape[-1]
+    own = np.einsum("kii->k", squares)
+    squares[:, range(n), range(n)] = 0.0
+    for _ in range(SWEEPS if n > 1 else 0):
+        before = squares.sum(axis=(1, 2))
+        for i in range(n):
+            row, column = squares[:, i].sum(axis=1), squares[:, :, i].sum(axis=1)
+            # What drives nothing, or is driven by nothing, has units in which its entries are nothing.
+            coupled = (row > 0.0) & (column > 0.0)
+            ratio = np.sqrt(np.where(coupled, column, 1.0) / np.where(coupled, row, 1.0))[:, None]
+            squares[:, i] *= np.where(coupled[:, None], ratio, 0.0)
+            squares[:, :, i] *= np.where(coupled[:, None], 1.0 / ratio, 0.0)
+        if (squares.sum(axis=(1, 2)) >= (1.0 - BALANCED) * before).all():
+            break
+    return np.sqrt(own + squares.sum(axis=(1, 2)))
 
 
 def _drift(flow: _CriticalFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.slow.orbit_segments import SCHEME, SegmentSolver
-from gsp.slow.slow_track import LEFT, follow_slow_flow
+from gsp.slow.slow_track import LEFT, _least_norms, follow_slow_flow
 from gsp.systems.system import SlowFastSystem
 from tests.example_systems import epsilon, x, y
 
@@ -81,3 +81,37 @@ def test_segments_of_the_reversed_flow_are_the_same_and_so_are_their_errors() ->
     np.testing.assert_allclose(backward.selection, forward.selection, rtol=1e-3)
     np.testing.assert_allclose(backward.discretisation, forward.discretisation, rtol=0.1, atol=1e-13)
     np.testing.assert_allclose(backward.ends, forward.ends, rtol=1e-6)
+
+
+@pytest.mark.parametrize("c", [1e-3, 0.7, 1e3])
+def test_elements_are_as_long_in_any_units(c: float) -> None:
+    """An oscillator of frequency 1, whose rates have the size of its units: five powers of e go on each element."""
+    u, v = sp.symbols("u v")
+    number = sp.Rational(c).limit_denominator()
+    system = SlowFastSystem(slow={u: number * v, v: -u / number}, fast={y: u - y}, epsilon=epsilon)
+    track = follow_slow_flow(
+        solve_critical(system).branches[0],
+        np.array([[c, 1.0]]),
+        np.array([[c]]),
+        epsilon=0.01,
+        goal=np.array([20.0]),
+        side=LEFT,
+        unstable=0,
+    )
+    assert track.decayed[0] >= 20.0
+    assert track.lengths[0, :4] == pytest.approx(0.05, rel=1e-6)
+
+
+def test_a_norm_in_no_units_is_the_least_of_all() -> None:
+    rng = np.random.default_rng(3)
+    plain = rng.normal(size=(40, 3, 3))
+    units = 10.0 ** rng.uniform(-6, 6, (40, 3))
+    least = _least_norms(plain)
+    assert _least_norms(plain * units[:, :, None] / units[:, None, :]) == pytest.approx(least, rel=1e-2)
+    eigenvalues = np.linalg.eigvals(plain)
+    assert (least >= np.sqrt((np.abs(eigenvalues) ** 2).sum(axis=1)) * (1 - 1e-12)).all()
+    assert (least <= np.linalg.norm(plain, axis=(1, 2)) * (1 + 1e-12)).all()
+    # What is driven and drives nothing adds nothing; two that drive one another count by their product.
+    driven = np.array([[[-1.0, 1e6], [0.0, -2.0]], [[-1.0, 0.0], [1e-6, -2.0]], [[0.0, 1e5], [-1e-5, 0.0]]])
+    assert _least_norms(driven) == pytest.approx([5**0.5, 5**0.5, 2**0.5], rel=1e-6)
+    assert _least_norms(np.array([[[-3.0]]])) == pytest.approx([3.0])
