@@ -128,6 +128,17 @@ def test_two_folds_within_one_step_are_both_found() -> None:
 
 
 @pytest.mark.exhaustive
+@pytest.mark.parametrize("start", [2.0, 0.5, -3.0])
+def test_folds_of_a_curve_that_runs_away_are_found_from_every_start(start: float) -> None:
+    """The size that y has at the curve's end says nothing of the direction at a fold before it."""
+    curve = continue_critical(
+        one(y - x * (1 + y**2)), start={"x": start / (1 + start**2), "y": start}, bounds={"x": (-1, 1)}
+    )
+    assert curve.status is Status.RUNS_AWAY
+    assert sorted(point["y"] for point in curve.special) == pytest.approx([-1.0, 1.0], abs=1e-12)
+    assert [segment.unstable for segment in curve.segments] == [0, 1, 0]
+
+
 def test_every_fold_of_random_polynomials_is_found() -> None:
     rng = np.random.default_rng(0)
     for degree in (3, 4, 5, 6, 7):

@@ -260,7 +260,7 @@ class _SpecialPointSearch:
     def _chord(self, a: int, b: int) -> np.ndarray:
         if a == b:
             return self.tangents[a]
-        chord = (self.points[b] - self.points[a]) / self.tracer.scales
+        chord = (self.points[b] - self.points[a]) / self.scales[a]
         return chord / np.linalg.norm(chord)
 
     def _root(
