@@ -185,17 +185,12 @@ def _term(term: Any, f: Any, symbol: sp.Symbol) -> tuple[Any, Any] | None:
     return (c, j) if base == f and j.is_Rational and j > 0 else None
 
 
-def without_overflow(expression: Any) -> Any:
-    """`expression` with the quotients that derivatives of 1/cosh and of 1/(c + k exp) bring in made of bounded parts.
+def bounded_product(expression: Any) -> Any:
+    """A product with the quotients that derivatives of 1/cosh and of 1/(c + k exp) bring in made of bounded parts.
 
     sinh(u)/cosh(u) becomes tanh(u), and exp(u)/B with B = c + k exp(u) becomes 1/(k + c exp(-u)); both parts of each
-    overflow where the quotient is finite.
+    overflow where the quotient is finite. It is returned itself where there is none.
     """
-    if not expression.args:
-        return expression
-    expression = expression.func(*(without_overflow(part) for part in expression.args))
-    if not expression.is_Mul:
-        return expression
     powers = expression.as_powers_dict()
     for base, exponent in list(powers.items()):
         if not (exponent.is_Integer and exponent < 0):

@@ -228,6 +228,9 @@ class SeriesProgram:
             if k == 0:
                 return u[0].inverse()
             v = node.coefficients
+            if v[0].is_zero:
+                # Only of what overflowed, as exp(u) far out: all terms of 1/(1 + exp(u)) are below rounding there.
+                return ring.zero
             return -(v[0] * _sum([u[j] * v[k - j] for j in range(1, k + 1)], ring)).reduced()
         name, u, exponent = operands[:3]
         if k == 0:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.differentiation import entries, slopes, without_overflow
+from gsp.algebra.differentiation import entries, slopes
 from gsp.algebra.laurent import laurent
 from gsp.algebra.substitution import substituted
 from gsp.critical.branch import Branch
@@ -134,30 +134,13 @@ class Sampler:
         put_in = {s: whole[s] for s in raised}
         return compile_over(self.system, [substituted(e, put_in) if put_in else e for e in outputs])
 
-    def _derivatives(self, outputs: Sequence[sp.Expr]):
-        """`outputs` as a compiled function of z; where they overflow as they stand, in a form that does not."""
-        plain = self.compiled(outputs)
-        bounded: list = []
-
-        def evaluate(z: np.ndarray, p: np.ndarray) -> np.ndarray:
-            values = plain(z, p)
-            lost = ~finite_rows(values)
-            if lost.any():
-                if not bounded:
-                    bounded.append(self.compiled([without_overflow(e) for e in outputs]))
-                values = np.array(values)
-                values[lost] = bounded[0](z[lost], p)
-            return values
-
-        return evaluate
-
     @cached_property
     def _g_y(self):
-        return self._derivatives(entries(self.g, self.system.y))
+        return self.compiled(entries(self.g, self.system.y))
 
     @cached_property
     def _all_jacobians(self):
-        return self._derivatives(entries((*self.f, *self.g), self.system.states))
+        return self.compiled(entries((*self.f, *self.g), self.system.states))
 
     @cached_property
     def _second(self):
@@ -165,7 +148,7 @@ class Sampler:
         first = slopes(self.g, self.system.y)
         places, values = list(first), slopes(first.values(), self.system.states)
         rows = np.array([(*places[e], k) for e, k in values], dtype=int).reshape(-1, 3).T
-        return rows, self._derivatives(list(values.values()))
+        return rows, self.compiled(list(values.values()))
 
     @cached_property
     def _rates(self):

@@ -7,7 +7,6 @@ import pytest
 import sympy as sp
 
 from gsp.algebra import factorisation
-from gsp.algebra.differentiation import derivative, without_overflow
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
@@ -70,21 +69,6 @@ def test_a_steep_gate_of_plain_numbers_holds(steep, power) -> None:
     found = judge(1 + gate, {"x": (0, 1)}, {})
     assert found.kind is Kind.ATTRACTING, found
     assert found.holds, found
-    safe = without_overflow(derivative(gate, x))
-    for at in (Q(1, 20), Q(49, 100), Q(51, 100), Q(19, 20)):
-        exact = sp.N(derivative(gate, x).subs(x, at), 30)
-        with np.errstate(over="ignore"):
-            found_there = sp.lambdify(x, safe, "numpy")(np.float64(at))
-        assert found_there == pytest.approx(float(exact), rel=1e-9, abs=1e-300)
-
-
-@pytest.mark.parametrize("part", DIPS.values(), ids=DIPS)
-def test_what_is_written_without_overflow_is_the_same(part) -> None:
-    for expression in (derivative(part, x), derivative(derivative(part, x), x)):
-        safe = without_overflow(expression)
-        for at in (-0.4, 0.29, 0.3, 0.37, 1.2):
-            place = {a: Q(3, 10), w: Q(1, 10), x: Q(str(at))}
-            assert float(safe.subs(place)) == pytest.approx(float(expression.subs(place)), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.exhaustive

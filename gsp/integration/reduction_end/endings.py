@@ -186,7 +186,8 @@ class Ending:
         settled = search.refined(column, t, piece)
         just_before = np.array([settled.t - BESIDE * (piece.times[k + 1] - start)])
         beside = abs(self.values(just_before, piece.at(just_before))[0, 0])
-        if not beside <= SMALL * np.abs(self.values(*search.history(k, piece))[:, 0]).max():
+        sizes = np.abs(self.values(*search.history(k, piece))[:, 0])
+        if not np.isfinite(beside) or beside > SMALL * sizes.max():
             return self._beyond_domain(settled)
         return replace(
             settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS

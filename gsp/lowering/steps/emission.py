@@ -14,6 +14,7 @@ import sympy as sp
 from llvmlite import ir
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
+from gsp.algebra.differentiation import bounded_product
 from gsp.errors import GspError, UnsupportedFunctionError
 from gsp.lowering.instructions import landings
 from gsp.lowering.steps.arithmetic import intrinsic
@@ -44,7 +45,7 @@ class Emitter:
     Equal subexpressions are written once: values are kept by expression. `constants`, doubles by expression, are the
     same in every lane; what follows from them alone is added to it, so that emitters that share it in a function
     share that. Code with `constants` runs often: to divide by such a value is to multiply by its inverse, and sin, cos
-    and exp are computed in place, within four units in the last place.
+    and exp are computed in place, within four units in the last place, and exp(-u) from exp(u) where that is known.
     Functions of the C library are called for the first `used` lanes, all by default, and are 0 in the others.
     """
 
@@ -133,6 +134,9 @@ class Emitter:
         return total
 
     def _product(self, expression: sp.Mul) -> Any:
+        bounded = bounded_product(expression)
+        if bounded is not expression:
+            return self._value(bounded)
         above: Any = None
         below: Any = None
         for factor in expression.args:
@@ -202,6 +206,9 @@ class Emitter:
     def _elementary(self, kind: type, argument: sp.Basic, x: Any) -> Any:
         """sin, cos or exp of the value `x` of `argument`; the first two are had together."""
         if kind is sp.exp:
+            inverse = self._values.get(sp.exp(-argument))
+            if inverse is not None:
+                return self._two(self.builder.fdiv, _ONE, inverse)
             return exponential(self.builder, x, self._call)
         if argument not in self._angles:
             self._angles[argument] = sine_and_cosine(self.builder, x, self._call)
