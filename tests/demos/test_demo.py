@@ -432,6 +432,22 @@ def test_names_and_texts_of_a_model_are_inert(opened) -> None:
     assert page.requests() == []
 
 
+def test_a_reduced_run_that_is_quick_at_first_is_drawn_on_its_manifold(page, tmp_path) -> None:
+    """Its whole drop from x = 16 takes 1/500 of the span, and its points are evenly spaced in time otherwise."""
+    x, y, eps = sp.symbols("x y epsilon")
+    system = gsp.SlowFastSystem(slow={x: -(x**3)}, fast={y: x**2 - y}, epsilon=eps)
+    scene = gsp.Scene(system, {"x": (0.1, 20)}, {"x": 16, "y": 0}, (0, 20), 1e-3)
+    page.open(gsp.write_demo(scene, tmp_path / "quick.html"))
+    t, xs, ys = page.run(
+        "const run = current.curves.reduced.find((r) => r.order === 0);"
+        "const q = (name) => Array.from(run.q[model.quantities.indexOf(name)]);"
+        "return [Array.from(run.t), q('x'), q('y')];"
+    )
+    assert np.all(np.diff(t) > 0.0)
+    middle = 0.5 * (np.array(xs[1:]) + xs[:-1])
+    assert np.abs(0.5 * (np.array(ys[1:]) + ys[:-1]) - middle**2).max() < 0.01 * max(ys)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("state", INHERITED)
 def test_names_that_objects_of_javascript_inherit_are_names_like_others(

@@ -314,6 +314,7 @@ function makeModel(data, program) {
     const state = new Float64Array(nSlow + nDriven);
     return {
       order, status, begun, ended, steps: forward.times.length, first: reachedBack, last,
+      nodes: parts.flatMap((part) => Array.from(part.times)),
       // The same flow from this run's own beginning to `to`, at another accuracy; its states are x and what is reconstructed.
       again(to, wanted) {
         const begins = parts[0].states[parts.length > 1 ? parts[0].states.length - 1 : 0];

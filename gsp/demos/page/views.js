@@ -35,6 +35,16 @@ function sampleAt(model, times, p, at) {
   return { t: Float64Array.from(times), q };
 }
 
+// Times of a picture with those of a run's steps, each divided, among them: a run may turn within a step of the picture.
+function withSteps(times, nodes) {
+  const steps = Float64Array.from(nodes).sort();
+  const parts = Math.max(1, Math.min(4, Math.floor(DRAWN / steps.length)));
+  const between = Array.from(steps.subarray(1)).flatMap((end, i) =>
+    Array.from({ length: parts }, (_, j) => steps[i] + ((end - steps[i]) * j) / parts),
+  );
+  return Array.from(new Set([...times, ...between])).sort((a, b) => a - b);
+}
+
 // All curves of a simulation: the full run, the reduced runs of every piece by order, and the rivals.
 function sampleAll(model, result, s, stepped = null) {
   const p = model.constants(s);
@@ -45,7 +55,8 @@ function sampleAll(model, result, s, stepped = null) {
     for (const run of runs) {
       if (run.status === "no sheet") continue;
       const count = Math.ceil(DRAWN / 3 / result.pieces.length) + 20;
-      const times = Array.from({ length: count + 1 }, (_, i) => run.first + ((run.ended - run.first) * i) / count);
+      const even = Array.from({ length: count + 1 }, (_, i) => run.first + ((run.ended - run.first) * i) / count);
+      const times = withSteps(even, run.nodes);
       // The last time before the series no longer falls, from where on the run is not drawn.
       let within = NaN;
       const sampled = sampleAt(model, times, p, (t, z) => {
@@ -53,7 +64,7 @@ function sampleAll(model, result, s, stepped = null) {
         if (drawn) within = t;
         return drawn;
       });
-      reduced.push({ order: run.order, piece, within, isWhole: within === times[count], ...sampled });
+      reduced.push({ order: run.order, piece, within, isWhole: within === times[times.length - 1], ...sampled });
     }
   }
   const rivals = result.rivals.map(({ name, places, run, at }) => {
