@@ -244,10 +244,15 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
     for colour, name in zip((*SERIES, INK), names):
         label = f"{mathematics(name)}, full"
         axes.plot(full.t - start, full[name], color=colour, lw=3.2, alpha=0.45, label=label)
-    for name in names:
-        label = f"reduced, order {analysis.short_series.order}" if name == names[-1] else None
-        axes.plot(reduced.t - start, reduced[name], color=INK, lw=0.9, ls=(0, (5, 2)), label=label)
-    bounded(axes, [reduced[name] for name in names], [full[name] for name in names], headroom=0.1)
+    lines = [full[name] for name in names]
+    # A run that ends where it starts is no line, and a series past its reach there says nothing of the size.
+    if len(reduced.t) > 1:
+        for name in names:
+            label = f"reduced, order {analysis.short_series.order}" if name == names[-1] else None
+            axes.plot(reduced.t - start, reduced[name], color=INK, lw=0.9, ls=(0, (5, 2)), label=label)
+        bounded(axes, [reduced[name] for name in names], lines, headroom=0.1)
+    else:
+        bounded(axes, lines, [], headroom=0.1)
     if analysis.hyperbolicity.gap > 0.0:
         axes.axvline(layer, color=GREY, lw=0.8, ls=":", zorder=0)
         axes.annotate(

@@ -227,9 +227,10 @@ def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
     layer = "The initial layer, in which the fast variables settle, is left of the dotted line. "
-    return Markup(
-        "The full run at {} = {} (broad) and the reduced run of order {} (dashed), over logarithmic time. {}{}"
-    ).format(
+    shown = "and the reduced run of order {} (dashed), over logarithmic time"
+    if len(analysis.reduced.t) == 1:
+        shown = "over logarithmic time; the reduced run of order {} ends where it starts, and is not drawn"
+    return Markup("The full run at {} = {} (broad) " + shown + ". {}{}").format(
         _epsilon(analysis, setter),
         number(analysis.scene.epsilon),
         analysis.short_series.order,

@@ -347,3 +347,20 @@ def test_full_runs_come_nearer_in_proportion_where_the_limit_is_theirs(infected:
     region = {"T": (0, 2), "ill": (0, 2), "V": (0, 400)}
     scene = Scene(system, region, {"T": 1, "ill": infected, "V": 1}, (0, 3), 0.02)
     assert shrinks_in_proportion(analyse(scene, orders=(0, 1), order=1)) is shrinks
+
+
+class Ended(dict):
+    """A run that ended at its first point."""
+
+    t = np.array([0.0])
+
+
+@pytest.mark.exhaustive
+def test_states_over_time_are_seen_where_the_reduced_run_ends_where_it_starts():
+    """A series past its reach at the base point has any size there, which is no part of the picture."""
+    found = analysis_of("michaelis_menten")
+    at_once = {name.name: np.array([1e6]) for name in found.scene.system.states}
+    lost = replace(found, reduced=Ended(at_once))
+    axes = charts.time_series(lost)
+    assert axes.get_ylim()[1] < 2.0
+    assert not any("reduced" in text.get_text() for text in axes.get_legend().get_texts())

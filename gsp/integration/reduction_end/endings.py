@@ -280,7 +280,7 @@ class Ending:
                 note=f"{fact} at {self._shown(settled.y)}",
                 remedy=f"lower {epsilon}, or take the reduced flow of order 0, which holds up to the loss itself",
             )
-        ahead = f"the flow of order 0 reaches it at t = {fold.t:.6g}"
+        ahead = f"from here the flow of order 0 reaches it at t = {fold.t:.6g}"
         return replace(
             settled, status=Status.FOLD_REACHED, note=f"{fact}; {self._fold_note(fold)} is near, {ahead}"
         )
