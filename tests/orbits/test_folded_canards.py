@@ -202,6 +202,23 @@ def test_lines_along_the_variable_of_the_section_begin_at_the_strong_canard() ->
         assert canard.point["x"] == pytest.approx(usual[canard.name].point["x"], abs=1e-9)
 
 
+@pytest.mark.parametrize(("k", "weak", "secondary"), [(0.1, 0.1149, 0.0882), (1 / 15, 0.0694, 0.0850)])
+@pytest.mark.parametrize("small", [0.01, 0.004])
+def test_a_secondary_canard_is_not_called_weak_where_the_curves_end_before_that(
+    k, weak, secondary, small
+) -> None:
+    # To leading order gamma_w is y = a z with the lesser a of 2 a^2 - 11 a/10 + k = 0, so that x = epsilon a at z = 0.
+    bent = gsp.SlowFastSystem(
+        slow={x: k * z - sp.Rational(11, 10) * y, z: 1 + y / 3}, fast={y: x + y**2 + y**3 / 4}, epsilon=epsilon
+    )
+    found = node(bent, x=(-2, 2), z=(-1, 1), y=(-1, 1))
+    usual = gsp.folded_canards(found, epsilon=small)
+    places = {c.name: c.point["x"] / small for c in usual.canards}
+    assert places.pop("gamma_w", weak) == pytest.approx(weak, rel=0.01)
+    assert places[f"xi_{usual.expected}"] == pytest.approx(secondary, rel=0.03)
+    assert usual.missing == ()
+
+
 @pytest.mark.exhaustive
 def test_a_change_of_variables_changes_nothing() -> None:
     # u = 2 x + z, w = z - 3 x and the fast variable -4 y; the same canards take the same time.

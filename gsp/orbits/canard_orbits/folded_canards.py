@@ -122,7 +122,10 @@ class CanardOrbits(Drawn, Tabular):
             text += f"; {self.unresolved} more crossing{'s' * (self.unresolved > 1)} within rounding of the weak canard"
         ended = any(sheet.inner is SheetEnd.PASSED for sheet in (self.attracting, self.repelling))
         if turning and ended and not any(c.kind is CanardKind.WEAK for c in self.canards):
-            text += "; the curves do not cross at gamma_w before they end"
+            text += (
+                "; the curves do not cross at gamma_w before they end, where the slow flow runs along a line: "
+            )
+            text += f"lines in {self.section[0]} may reach it"
         if self.touching:
             text += "; the curves touch at gamma_w, as for whole 1/mu: its place is known to the root of rounding only"
         if self.exhausted:
@@ -317,15 +320,34 @@ class _Finder:
             # Interpolation error of the orbits that stand for the axis.
             inner.append(builder.polished(segment, precision=1e-10) or segment)
         axis = (inner[0], inner[1])
-        if not solved or (passed and not self._is_at(solved[-1], innermost)):
+        if not solved:
             return axis, None
         last = solved[-1]
+        if passed and not (self._is_at(last, innermost) and self._is_innermost(last)):
+            return axis, None
         if len(solved) == 1 and self._is_strong(last):
             return axis, None
         off = deviation(last.orbit, last.share, axis, self.section, WEAK_REACH * self.frame.unit)
         if not passed and off > WEAK_DISTANCE * self.frame.width:
             return axis, None
         return split(last.orbit, last.share), last
+
+    def _is_innermost(self, solved: _SolvedCanard) -> bool:
+        """Whether a canard is where the curves would cross next to their inner ends, and no secondary one before.
+
+        Straight on from their ends the curves meet nearer to it than to the farther end.
+        """
+        ends = [sheet.ends[0] / self.scale for sheet in self.sheets]
+        ways = [sheet.slopes[0, 0] / self.scale for sheet in self.sheets if len(sheet.slopes)]
+        if len(ways) < 2:
+            return False
+        ways = [way / np.linalg.norm(way) for way in ways]
+        try:
+            steps = np.linalg.solve(np.stack([ways[0], -ways[1]], axis=1), ends[1] - ends[0])
+        except np.linalg.LinAlgError:
+            return False
+        off = np.linalg.norm(ends[0] + steps[0] * ways[0] - solved.state[self.columns] / self.scale)
+        return bool(off <= max(np.abs(steps).max(), SAME))
 
     def _is_at(self, solved: _SolvedCanard, innermost: SectionCrossing | None) -> bool:
         """Whether a canard is that of the innermost crossing, which curves that touch may have several of."""
