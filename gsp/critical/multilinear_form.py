@@ -36,6 +36,9 @@ class MultilinearForm:
         np.add.at(result, self.places[0], products)
         return result
 
+    def __abs__(self) -> MultilinearForm:
+        return replace(self, values=np.abs(self.values))
+
     def in_units(self, units: np.ndarray) -> MultilinearForm:
         """The form where variables and functions, of which there are as many, are in `units` (N,)."""
         factors = units[self.places[1:]].prod(axis=0) / units[self.places[0]]

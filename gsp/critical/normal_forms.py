@@ -12,6 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gsp.critical.multilinear_form import MultilinearForm
+
+# A term is zero when it is below this, relative to the largest one: places are known to a root of rounding.
+ZERO_TERM = 1e-6
+
 Trilinear = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -42,11 +47,11 @@ def bordered(A: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def first_lyapunov(
-    A: np.ndarray, B: np.ndarray, C: Trilinear, omega: float
+    A: np.ndarray, B: np.ndarray, C: MultilinearForm, omega: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """(l1, q, p) with A q = i omega q, A^T p = -i omega p, |q| = 1, <p, q> = 1 (ibid., (5.62)).
 
-    The sign of l1 is invariant; its size goes with that of q.
+    The sign of l1 is invariant, and so is whether it is 0, which it is where its terms cancel; its size goes with q.
     """
     n = len(A)
     values, vectors = np.linalg.eig(A)
@@ -56,13 +61,16 @@ def first_lyapunov(
     q = q / np.linalg.norm(q)
     p = p / np.conj(np.vdot(p, q))
 
-    def quadratic(v: np.ndarray, w: np.ndarray) -> np.ndarray:
-        return np.einsum("ijk,j,k->i", B, v, w)
+    def quadratic(v: np.ndarray, w: np.ndarray, form: np.ndarray = B) -> np.ndarray:
+        return np.einsum("ijk,j,k->i", form, v, w)
 
     steady = np.linalg.solve(A, quadratic(q, q.conj()))
     double = np.linalg.solve(2j * omega * np.eye(n) - A, quadratic(q, q))
     total = C(q, q, q.conj()) - 2.0 * quadratic(q, steady) + quadratic(q.conj(), double)
-    return float(np.vdot(p, total).real) / (2.0 * omega), q, p
+    value = float(np.vdot(p, total).real)
+    size, bent = np.abs(q), 2.0 * np.abs(steady) + np.abs(double)
+    terms = np.abs(p) @ (abs(C)(size, size, size) + quadratic(size, bent, np.abs(B)))
+    return value / (2.0 * omega) if abs(value) > ZERO_TERM * terms else 0.0, q, p
 
 
 def bogdanov_takens(A: np.ndarray, B: np.ndarray) -> tuple[float, float]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 import sympy as sp
 
 from gsp.critical.minimally_augmented import bialternate
+from gsp.critical.multilinear_form import MultilinearForm
 from gsp.critical.normal_forms import (
     bogdanov_takens,
     bordered,
@@ -37,7 +36,8 @@ def derivatives(rates: list, in_other_coordinates: bool = False) -> list:
         shape = (*shape, len(states))
         values = [float(e.subs(dict.fromkeys(states, 0))) for e in everything]
         result.append(np.array(values).reshape(shape))
-    return [*result[:2], partial(np.einsum, "ijkl,j,k,l->i", result[2])]
+    places = np.nonzero(result[2])
+    return [*result[:2], MultilinearForm(np.array(places), result[2][places], len(rates))]
 
 
 @pytest.mark.parametrize("moved", [False, True])
@@ -78,6 +78,10 @@ def test_the_first_lyapunov_coefficient_of_a_normal_form_is_its_own(moved: bool)
         f[0, 1] * (f[0, 0] + f[1, 1]) - g[0, 1] * (g[0, 0] + g[1, 1]) - f[0, 0] * g[0, 0] + f[1, 1] * g[1, 1]
     ) / 16
     assert first_lyapunov(A, B, C, 1.0)[0] == pytest.approx(2 * formula)
+    # Each sum of terms is 0, and none of the terms.
+    for even in ([-q + p**2 - q**2, p + 2 * p * q], [-q + p**3 - p * q**2, p + q * p**2 - q**3]):
+        A, B, C = derivatives(even)
+        assert first_lyapunov(A, B, C, 1.0)[0] == 0.0
     third = [*plane, -2 * r + p**2]
     A, B, C = derivatives(third, moved)
     assert np.sign(first_lyapunov(A, B, C, 1.0)[0]) == np.sign(formula)

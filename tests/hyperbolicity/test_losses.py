@@ -617,6 +617,21 @@ def test_a_hopf_point_without_nonlinearity_says_that_l1_is_zero() -> None:
     fast = {y: x * y - z, z: y + x * z}
     loss = only(judge(Case({x: sp.Integer(1)}, fast, {}, UNIT, LossKind.HOPF)), LossKind.HOPF)
     assert "l1 = 0" in loss.note
+    assert "what higher terms decide" in loss.consequence
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [(1, 1), (1000, 1000), (sp.Rational(1, 10**5), 10**4), (10**6, 1)]
+)
+def test_a_hopf_point_is_degenerate_in_all_units_or_in_none(first, second) -> None:
+    """y = `first` Y and z = `second` Z of the cubic normal form, whose l1 is -2 for vectors of length 1."""
+    Y, Z = y / first, z / second
+    rates = {y: (x * Y - Z - Y * (Y**2 + Z**2)) * first, z: (Y + x * Z - Z * (Y**2 + Z**2)) * second}
+    box = {**UNIT, "y": (-2 * float(first), 2 * float(first)), "z": (-2.0 * second, 2.0 * second)}
+    loss = only(judge(Case({x: sp.Integer(1)}, rates, {}, box, LossKind.HOPF)), LossKind.HOPF)
+    assert loss.coefficients["l1"] < 0.0
+    assert "l1" not in loss.note
+    assert "small cycles" in loss.consequence
 
 
 @pytest.mark.exhaustive

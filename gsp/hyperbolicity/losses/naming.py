@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.critical.loss_kind import LossKind
-from gsp.critical.normal_forms import first_lyapunov
+from gsp.critical.normal_forms import ZERO_TERM, first_lyapunov
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
-from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR, ZERO_TERM, zero
+from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR, zero
 
 
 def name_loss(diagnosis: Diagnosis, found: Found) -> Loss:
@@ -73,8 +73,7 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
         coefficients["crossing"] = 0.0
     else:
         coefficients["crossing"] = speed
-    typical = float(np.abs(at.third.values).sum() + np.abs(at.g_yy).sum() ** 2 / max(diagnosis.scale, 1e-300))
-    if abs(l1) <= ZERO_TERM * typical / omega or typical == 0.0:
+    if l1 == 0.0:
         notes.append("l1 = 0: degenerate, higher terms decide on the cycles")
     others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())
     if others:

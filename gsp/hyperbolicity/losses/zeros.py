@@ -8,14 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.critical.loss_kind import LossKind
-from gsp.critical.normal_forms import bogdanov_takens, cubic_coefficient, null_vectors, quadratic_coefficient
+from gsp.critical.normal_forms import (
+    ZERO_TERM,
+    bogdanov_takens,
+    cubic_coefficient,
+    null_vectors,
+    quadratic_coefficient,
+)
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Local
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 
-# A term is zero when it is below this, relative to the largest one, at the size of the region.
-ZERO_TERM = 1e-6
 # Singular values and eigenvalues that count as zero, relative to the largest eigenvalue in the region. A double zero
 # spreads like the square root of what its place is off.
 ZERO_SINGULAR = 1e-6
