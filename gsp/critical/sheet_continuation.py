@@ -89,19 +89,29 @@ class SheetContinuation:
         return y, share
 
     def continued(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One Euler step and its Newton correction at all points at once, and where both can be trusted."""
+        """One Euler step and its Newton correction at all points at once, and where both can be trusted.
+
+        They are where the correction is small, and smaller after a step by the mean of the slopes at both ends.
+        """
+        change = self._change(x, y, step)
+        usable = np.isfinite(change).all(axis=1)
+        change[~usable] = 0.0
+        corrected, good = self.newton(x + step, y + change)
+        last = self._change(x + step, corrected, step)
+        length = np.linalg.norm(step, axis=1)
+        rounding = ROUNDING * (1.0 + np.linalg.norm(corrected, axis=1))
+        for way, slope, share in ((change, change, TRUSTED), ((change + last) / 2.0, last, TRUSTED**2)):
+            off = np.linalg.norm(corrected - y - way, axis=1)
+            good &= off <= share * (np.linalg.norm(slope, axis=1) + length) + rounding
+        return corrected, usable & good
+
+    def _change(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """How y changes along an Euler step in x, at all points at once."""
         n = y.shape[1]
         z = np.hstack([x, y])
         slope = self.slow_jacobian(z, self.p).reshape(len(z), n, -1)
         jacobian = self.jacobian(z, self.p).reshape(-1, n, n)
-        predicted = y - solve_each(jacobian, np.einsum("mij,mj->mi", slope, step))
-        usable = np.isfinite(predicted).all(axis=1)
-        predicted[~usable] = y[~usable]
-        corrected, good = self.newton(x + step, predicted)
-        moved = np.linalg.norm(predicted - y, axis=1) + np.linalg.norm(step, axis=1)
-        correction = np.linalg.norm(corrected - predicted, axis=1)
-        rounding = ROUNDING * (1.0 + np.linalg.norm(corrected, axis=1))
-        return corrected, usable & good & (correction <= TRUSTED * moved + rounding)
+        return -solve_each(jacobian, np.einsum("mij,mj->mi", slope, step))
 
     def orientation(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Sign of det g_y: constant on a sheet, since it changes at folds only."""
