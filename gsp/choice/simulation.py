@@ -23,7 +23,7 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.systems.arguments import shown
+from gsp.systems.arguments import check_times, shown
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,20 +58,20 @@ class Simulation(Drawn, Tabular):
 
     def at(self, t: ArrayLike) -> np.ndarray:
         """States (n,) at a time, or (n, m) at times (m,), in the order of `names`; raises `GspError` outside."""
-        times = np.array(t, dtype=float)
+        times = check_times(t)
         values = self._values(self.names, np.atleast_1d(times))
         return values if times.ndim else values[:, 0]
 
     def sample(self, t: ArrayLike) -> Simulation:
         """The same solution with `.t` = `t` (m,)."""
-        times = np.array(t, dtype=float, ndmin=1)
+        times = np.atleast_1d(check_times(t))
         self._owners(times)
         times.setflags(write=False)
         return replace(self, t=times)
 
     def model_at(self, t: ArrayLike) -> np.ndarray:
         """Label (m,) of the model used at times (m,)."""
-        times = np.array(t, dtype=float, ndmin=1)
+        times = np.atleast_1d(check_times(t))
         return np.array([self.pieces[i].label for i in self._owners(times)])
 
     @property

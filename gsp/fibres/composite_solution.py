@@ -28,7 +28,7 @@ from gsp.results.tabular import Tabular
 from gsp.slow.expansion import Expansion
 from gsp.slow.run_series import run_series
 from gsp.slow.series import SeriesManifold
-from gsp.systems.arguments import check_noun
+from gsp.systems.arguments import check_noun, check_times
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Point, check_epsilon, check_order
 
@@ -91,7 +91,7 @@ class CompositeSolution(Card, Tabular):
 
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,); raises `GspError` outside the span."""
-        times = np.array(t, dtype=float)
+        times = check_times(t)
         outer = self.outer_at(times)
         layer = self.inner.layer(self._fast(times), self.epsilon, order=self.order)
         return outer + self._rows(layer).reshape(outer.shape)
@@ -99,12 +99,12 @@ class CompositeSolution(Card, Tabular):
     def sample(self, t: ArrayLike) -> CompositeSolution:
         """The same solution on other times."""
         return CompositeSolution(
-            self.inner, self.outer, self.epsilon, self.order, self.names, np.array(t, dtype=float, ndmin=1)
+            self.inner, self.outer, self.epsilon, self.order, self.names, np.atleast_1d(check_times(t))
         )
 
     def outer_at(self, t: ArrayLike) -> np.ndarray:
         """The slow flow from the base point, as `at`."""
-        times = np.array(t, dtype=float)
+        times = check_times(t)
         run = self.outer.sample(np.atleast_1d(times))
         rows = np.array([run[name] for name in self.names])
         return rows if times.ndim else rows[:, 0]
@@ -112,12 +112,12 @@ class CompositeSolution(Card, Tabular):
     def inner_at(self, t: ArrayLike) -> np.ndarray:
         """The inner series through `order`, as `at`; good for t of the size of epsilon."""
         common = self.common_at(t)
-        layer = self.inner.layer(self._fast(np.array(t, dtype=float)), self.epsilon, order=self.order)
+        layer = self.inner.layer(self._fast(check_times(t)), self.epsilon, order=self.order)
         return common + self._rows(layer).reshape(common.shape)
 
     def common_at(self, t: ArrayLike) -> np.ndarray:
         """What inner and outer share, polynomials in t/epsilon, as `at`."""
-        times = np.array(t, dtype=float)
+        times = check_times(t)
         rows = self._rows(self.inner.matched(self._fast(times), self.epsilon, order=self.order))
         return rows if times.ndim else rows[:, 0]
 

@@ -232,7 +232,7 @@ def check_tolerances(rtol: float, atol: float) -> tuple[float, float]:
 
 def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
     """Times (m,) inside the span and monotone along it; raises `DeclarationError` otherwise."""
-    if isinstance(at, np.ndarray) and at.dtype == float:
+    if type(at) is np.ndarray and at.dtype == float:
         grid = at.copy()
     else:
         grid = check_array(at, what="at", be="a sequence of times")

@@ -39,7 +39,7 @@ from gsp.kernels.evaluate import observe
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
-from gsp.systems.arguments import check_array, check_flag, check_noun, check_progress
+from gsp.systems.arguments import check_array, check_flag, check_noun, check_progress, check_times
 from gsp.systems.flow import Flow, Point, Question, frozen, values_by_name
 from gsp.systems.tolerances import ATOL, RTOL, absolute_tolerance
 
@@ -143,7 +143,7 @@ class Trajectory(Drawn, Tabular):
 
         Raises `GspError` outside the interval covered.
         """
-        times = check_array(t, what="t", be="a number or a one-dimensional array of times").copy(order="C")
+        times = check_times(t).copy(order="C")
         if times.ndim > 1:
             raise GspError(
                 "t is a number or a one-dimensional array.", got=f"the shape {times.shape}", value=times.shape

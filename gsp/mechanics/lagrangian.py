@@ -16,6 +16,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers
+from gsp.systems.arguments import shown
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
 
@@ -282,7 +283,7 @@ class LagrangianSystem:
         try:
             probe = VectorField(states, epsilon=None, parameters=parameters)
         except DeclarationError as error:
-            raise DeclarationError(f"{what} is {expression}. {error}") from None
+            raise DeclarationError(f"{what} is {shown(expression)}. {error}") from None
         return probe.rates[0], probe.parameters
 
     def _given_forces(self) -> dict[sp.Symbol, sp.Expr]:

@@ -77,7 +77,11 @@ def shown(value: object) -> str:
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**_DIGITS:
         sign = "a negative integer" if value < 0 else "an integer"
         return f"{sign} of {value.bit_length()} bits"
+    if value is np.ma.masked:
+        return "a masked value"
     if isinstance(value, np.ndarray):
+        if hides(value):
+            return f"an array of the shape {value.shape} and type {value.dtype} with masked values"
         return f"an array of the shape {value.shape} and type {value.dtype}"
     if callable(value) and hasattr(value, "__qualname__"):
         return f"the function {value.__name__}"
@@ -126,6 +130,16 @@ def _remedy(value: object, expected: list[str], verb: str) -> str:
     return source
 
 
+def hides(values: object) -> bool:
+    """Whether one of NumPy's masked arrays, alone or within lists, hides a value: it stands for no number then.
+
+    NumPy itself turns it into NaN with a warning, SymPy into 0, and `asarray` into what lies beneath.
+    """
+    if isinstance(values, np.ma.MaskedArray):
+        return bool(np.ma.is_masked(values))
+    return isinstance(values, (list, tuple)) and any(map(hides, values))
+
+
 def as_float(value: Any) -> float:
     """`value` as a float, NaN unless it is one real number: no truth value and no array; digits as text count."""
     kind = type(value)
@@ -133,7 +147,7 @@ def as_float(value: Any) -> float:
         return value
     if kind is not int and isinstance(value, (bool, np.bool_, bytes, bytearray, complex)):
         return float("nan")
-    if kind is np.ndarray and (value.ndim or value.dtype.kind not in "iuf"):
+    if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf" or hides(value)):
         return float("nan")
     try:
         return float(value)
@@ -240,6 +254,8 @@ def check_array(values: Any, *, what: str, be: str) -> np.ndarray:
     try:
         if isinstance(values, (list, tuple)) and any(isinstance(value, (bool, np.bool_)) for value in values):
             raise TypeError
+        if hides(values):
+            raise TypeError
         array = np.asarray(values)
         if array.dtype.kind in "iuf":
             return array.astype(float)
@@ -252,6 +268,11 @@ def check_array(values: Any, *, what: str, be: str) -> np.ndarray:
     except (TypeError, ValueError):
         pass
     raise _refused(what, be, values)
+
+
+def check_times(t: Any) -> np.ndarray:
+    """`t` as an array of floats, a copy: times at which a result is read."""
+    return check_array(t, what="t", be="a number or a one-dimensional array of times")
 
 
 def _refused(what: str, be: str, value: object, remedy: str = "") -> DeclarationError:

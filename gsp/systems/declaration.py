@@ -15,7 +15,7 @@ from gsp.algebra.laurent import misplaced_epsilon
 from gsp.algebra.substitution import UNCOMPARABLE, is_long_power
 from gsp.algebra.switches import misplaced_pieces, surface_of
 from gsp.errors import DeclarationError
-from gsp.systems.arguments import shown
+from gsp.systems.arguments import hides, shown
 from gsp.systems.flow import Values
 
 DEGREE = 100
@@ -77,6 +77,8 @@ def equations_of(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
                     f"{what}: the right-hand side of {symbol} is no number.", str(error)
                 ) from None
         try:
+            if hides(expression):
+                raise TypeError
             expression = sp.sympify(expression, strict=True)
         except (sp.SympifyError, TypeError, ValueError):
             raise DeclarationError(

@@ -28,7 +28,9 @@ Values = Mapping[sp.Symbol, sp.Expr]
 Point = Mapping[str, float] | Mapping[sp.Symbol, float]
 """Numbers by name or by symbol."""
 # What float() takes without being a number.
-_NO_NUMBERS = frozenset({bool, np.bool_, bytes, np.ndarray, np.complex64, np.complex128})
+_NO_NUMBERS = frozenset(
+    {bool, np.bool_, bytes, np.ndarray, np.ma.MaskedArray, type(np.ma.masked), np.complex64, np.complex128}
+)
 _FLOATS = frozenset({float})
 # Series of higher order than any that double precision can use; more would take for ever.
 HIGHEST_ORDER = 200

@@ -270,6 +270,10 @@ def test_it_is_read_like_a_trajectory(oscillation) -> None:
     assert (np.diff(oscillation.t) > 0).all()
     assert oscillation.at(1.0).shape == (2,)
     assert oscillation.at([1.0, 2.0]).shape == (2, 2)
+    for masked in (np.ma.masked, np.ma.array([1.0, 2.0], mask=[0, 1])):
+        for read in (oscillation.at, oscillation.sample, oscillation.model_at):
+            with pytest.raises(DeclarationError, match="masked"):
+                read(masked)
     assert oscillation.names == ("y", "x")
     assert list(oscillation.model_at([0.1, oscillation.switches[0].time + 1e-6])) == [
         oscillation.pieces[0].label,

@@ -136,6 +136,8 @@ def test_a_composite_reads_like_a_trajectory() -> None:
         solution["theta"]
     with pytest.raises(GspError, match="covers"):
         solution.at(6.0)
+    with pytest.raises(DeclarationError, match="with masked values"):
+        solution.at(np.ma.array([0.1, 0.2], mask=[0, 1]))
 
 
 def test_reconstruction_variables_are_uniformly_approximated_too() -> None:

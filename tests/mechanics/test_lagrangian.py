@@ -177,6 +177,7 @@ REFUSED = {
     "one velocity short": (lambda: LagrangianSystem(xdot**2, [x, y], [xdot]), "one velocity"),
     "named twice": (lambda: LagrangianSystem(xdot**2, [x, x], [xdot, ydot]), "x is named twice"),
     "text": (lambda: LagrangianSystem("xdot**2", [x], [xdot]), "is a str"),  # pyright: ignore
+    "masked": (lambda: LagrangianSystem(np.ma.masked, [x], [xdot]), "Lagrangian is a masked value"),  # pyright: ignore
     "force elsewhere": (lambda: LagrangianSystem(xdot**2, [x], [xdot], forces={y: 1}), "y, which is no coord"),
     "force unknown": (lambda: LagrangianSystem(xdot**2, [x], [xdot], forces={x: -m}), "force along x is -m"),
     "time a coordinate": (lambda: LagrangianSystem(xdot**2, [x], [xdot], time=x), "time is a symbol"),

@@ -247,6 +247,8 @@ def test_an_orbit_can_be_read_by_phase_and_by_name() -> None:
         orbit["radios"]
     with pytest.raises(GspError, match="phase"):
         orbit.at(math.nan)
+    with pytest.raises(GspError, match="masked"):
+        orbit.at(np.ma.array([0.1, 0.2], mask=[0, 1]))
 
 
 def roessler(c: float) -> gsp.VectorField:

@@ -11,8 +11,9 @@ import pytest
 import sympy as sp
 
 from gsp.errors import DeclarationError
+from gsp.integration.loop import check_grid
 from gsp.systems import arguments
-from gsp.systems.declaration import reconstruction_of
+from gsp.systems.declaration import equations_of, reconstruction_of
 from gsp.systems.flow import (
     HIGHEST_ORDER,
     LARGEST,
@@ -149,6 +150,31 @@ def test_arrays_hold_numbers_only() -> None:
         np.array([None, 1.0]),
     ):
         assert words(check, wrong, what="q", be="numbers").startswith("q is numbers. Got")
+
+
+@pytest.mark.filterwarnings("error")
+def test_no_masked_value_is_taken_for_a_number() -> None:
+    # float() makes NaN of it, with a warning, and asarray what lies beneath.
+    masked = np.ma.masked
+    half = np.ma.array([0.1, 0.2], mask=[False, True])
+    bare = np.ma.array([0.1, 0.2])
+    assert isnan(arguments.as_float(masked))
+    assert isnan(arguments.as_float(np.ma.array(0.1, mask=True)))
+    assert arguments.as_float(np.ma.array(0.1)) == 0.1
+    for given in (half, masked, [0.1, masked], [[masked]], (half,)):
+        assert "masked" in words(arguments.check_array, given, what="q", be="numbers")
+    found = arguments.check_array(bare, what="q", be="numbers")
+    assert type(found) is np.ndarray
+    assert found.tolist() == [0.1, 0.2]
+    assert plain({"x": masked}, ("x",)) is None
+    for given in (masked, half[1:]):
+        assert "masked value" in words(complete, {"x": given}, (x,), what="start")
+    assert "a masked value" in words(check_epsilon, masked)
+    assert words(check_grid, half, 0.0, 1.0) == (
+        "at is a sequence of times. Got an array of the shape (2,) and type float64 with masked values."
+    )
+    assert type(check_grid(bare, 0.0, 1.0)) is np.ndarray
+    assert "x is a MaskedConstant, a masked value" in words(equations_of, {x: masked}, "states")
 
 
 def test_values_are_shown_short_and_on_one_line() -> None:

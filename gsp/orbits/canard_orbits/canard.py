@@ -19,6 +19,7 @@ from gsp.orbits.canard_orbits.collocation import Collocation, OrbitSegment, join
 from gsp.orbits.canard_orbits.frame import FoldedNodeFrame, Plane
 from gsp.orbits.canard_orbits.sheet import Sheet
 from gsp.roots import root
+from gsp.systems.arguments import check_times
 from gsp.systems.flow import Flow
 
 # Interpolation error that a canard's mesh is made for, and its elements at least and at most.
@@ -91,7 +92,7 @@ class Canard:
 
     def at(self, t: np.ndarray | float) -> np.ndarray:
         """States (k, n) at slow times t (k,), or (n,) at one, from the collocation polynomials."""
-        times = np.asarray(t, dtype=float)
+        times = check_times(t)
         states = self.orbit.at((np.atleast_1d(times) + self.time_before) / self.orbit.time)
         return states if times.ndim else states[0]
 

@@ -16,11 +16,12 @@ from gsp.orbits.periodic.collocation import Cycle
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.roots import roots
-from gsp.systems.arguments import shown
+from gsp.systems.arguments import check_array, shown
 from gsp.systems.flow import Flow
 
 # A multiplier inside the unit circle by more than the trivial one misses 1, and by more than this, is stable.
 NEUTRAL = 1e-6
+PHASES = "a finite number or a one-dimensional array"
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,10 @@ class PeriodicOrbit(Drawn, Tabular):
 
     def at(self, phase: ArrayLike) -> np.ndarray:
         """State (n,) at a phase, or (n, k) at phases (k,); a phase counts modulo 1."""
-        s = np.array(phase, dtype=float)
+        s = check_array(phase, what="phase", be=PHASES)
         if s.ndim > 1 or not np.isfinite(s).all():
             raise GspError(
-                "phase is a finite number or a one-dimensional array.",
+                f"phase is {PHASES}.",
                 got=f"the shape {s.shape}",
                 value=s.shape,
             )
@@ -103,7 +104,7 @@ class PeriodicOrbit(Drawn, Tabular):
         name = key.name if isinstance(key, sp.Symbol) else key
         states = [symbol.name for symbol in self.flow.states]
         observables = [symbol.name for symbol in self.flow.observables]
-        points = self.at(np.atleast_1d(np.asarray(phase, dtype=float)))
+        points = self.at(np.atleast_1d(check_array(phase, what="phase", be=PHASES)))
         if name in states:
             return points[states.index(name)]
         if name in observables:
