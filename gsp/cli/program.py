@@ -22,6 +22,10 @@ from gsp.results.interrupts import noticing
 DEFECT = 70
 
 
+# What a shell tells of a program that ends because nobody reads its output any more, 128 + SIGPIPE.
+UNREAD = 141
+
+
 # With this environment variable a defect shows its traceback, with Python's own status, 1.
 DEBUG = "GSP_DEBUG"
 
@@ -30,7 +34,10 @@ CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
 class CommandGroup(click.Group):
-    """The commands; output that cannot be written, to a full disk or a closed pipe, is an error like any other."""
+    """The commands; output that cannot be written, to a full disk, is an error like any other.
+
+    Where nobody reads it any more, as behind `| head`, they end without a word.
+    """
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -44,6 +51,9 @@ class CommandGroup(click.Group):
             # Errors of files have the file's name, and are told where the file is written.
             if error.filename is not None:
                 raise
+            if isinstance(error, BrokenPipeError):
+                _stop_writing()
+                raise SystemExit(UNREAD) from None
             raise OutputError(
                 f"the output cannot be written: {error.strerror or error}.", "What was printed is not complete."
             ) from None
