@@ -3,8 +3,8 @@
 
 Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold or `verify` that a
 proof does not, 2 on bad input or when the output cannot be written, 3 when `check --prove` leaves it undecided, 70 on
-a defect of gsp, 130 when interrupted, 141 when nobody reads the output any more. Heavy modules are imported by the command that needs them, so that help is
-quick.
+a defect of gsp, 130 when interrupted, 141 when nobody reads the output any more. Heavy modules are imported by the
+command that needs them, so that help is quick.
 """
 
 # Nothing is imported here but within `main`, which answers Ctrl-C: a tenth of a second goes by with imports.
