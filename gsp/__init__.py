@@ -16,10 +16,20 @@ The pipeline, each verb taking the frozen noun of the one before:
 `dir(gsp)` lists all names, and `help(gsp.NAME)` says what each is for.
 """
 
-import lazy_loader
-
 __version__ = "0.2.0"
 
-# Nothing heavy is imported before it is used: SymPy, numba and SciPy cost most of a second together. The names are
-# listed once, in the stub beside this file.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+try:
+    import lazy_loader
+
+    # Nothing heavy is imported before it is used: SymPy, numba and SciPy cost most of a second together. The names are
+    # listed once, in the stub beside this file.
+    __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+except KeyboardInterrupt:
+    import os
+    import sys
+
+    # Of the command line, whose `main` has not begun; "-m" is the program's name until a module run so is found.
+    if os.path.basename(sys.argv[0]) not in ("-m", "gsp", "gsp.exe"):
+        raise
+    print("gsp: interrupted; nothing was written", file=sys.stderr)
+    sys.exit(130)

@@ -418,6 +418,27 @@ def test_ctrl_c_while_modules_are_imported_shows_no_traceback() -> None:
     assert (done.returncode, done.stderr) == (130, "gsp: interrupted; nothing was written\n")
 
 
+@pytest.mark.parametrize(("program", "ends"), [("-m", 130), ("/usr/bin/gsp", 130), ("own.py", None)])
+def test_ctrl_c_while_the_package_is_imported_is_told_by_the_command_line_alone(program: str, ends) -> None:
+    # `python -m gsp` and the script `gsp` import the package before any of its functions is called.
+    script = (
+        "import sys\n"
+        f"sys.argv = [{program!r}, 'models']\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'lazy_loader': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "try:\n"
+        "    import gsp\n"
+        "except KeyboardInterrupt:\n"
+        "    print('still its own')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    told = "" if ends is None else "gsp: interrupted; nothing was written\n"
+    assert (done.returncode, done.stderr) == (ends or 0, told)
+    assert done.stdout == ("still its own\n" if ends is None else "")
+
+
 def test_a_report_is_opened_when_that_is_asked(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[str] = []
     monkeypatch.setattr("click.launch", lambda url: shown.append(url) or 1)
