@@ -10,10 +10,23 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from gsp.charts.style import AMBER, BLUE, GREEN, INK, PURPLE, VERMILION, chart, legend, mathematics, name_axes
+from gsp.charts.style import (
+    AMBER,
+    BLUE,
+    GREEN,
+    INK,
+    PURPLE,
+    VERMILION,
+    chart,
+    legend,
+    limits,
+    mathematics,
+    name_axes,
+)
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.critical.loss_kind import LossKind
+from gsp.errors import Status
 
 # Colour and line by stability: attracting, repelling, saddle.
 STABILITY = {"attracting": (BLUE, "-"), "repelling": (VERMILION, "--"), "saddle": (PURPLE, "-.")}
@@ -60,10 +73,32 @@ def critical_curve(curve: CriticalCurve, axes: Axes, *, names: tuple[str, str] |
         Line2D([], [], color=INK, mec=INK, ls="none", ms=6, label=str(kind), **MARKERS[kind])
         for kind in special
     ]
+    curves = (curve, *curve.others)
+    for name, set_limits in ((across, axes.set_xlim), (up, axes.set_ylim)):
+        near = [_near(each, name) for each in curves]
+        some = [part for part in near if part.size and part.min() < part.max()]
+        if some and sum(map(len, near)) < sum(map(len, curves)):
+            set_limits(limits(some, [each[name] for each in curves]))
     name_axes(axes, across, up)
     for handle in handles:
         axes.add_line(handle)
     legend(axes, columns=4)
+
+
+def _near(curve: CriticalCurve, name: str) -> np.ndarray:
+    """A variable along a curve without the ends on which the curve leaves for infinity: from behind the last special
+    point there, or where the variable turned last; empty where there is neither.
+    """
+    values = curve[name]
+    ways = np.sign(np.diff(values))
+    turns = 1 + np.flatnonzero(ways[1:] * ways[:-1] < 0.0)
+    marks = np.union1d(turns, [point.row for point in curve.special]).astype(int)
+    away = [stop.point[name] for stop in curve.stops if stop.ending is Status.RUNS_AWAY]
+    if away and not marks.size:
+        return values[:0]
+    first = marks[0] if values[0] in away else 0
+    last = marks[-1] if values[-1] in away else len(values) - 1
+    return values[first : last + 1]
 
 
 @chart(height=3.9, solid=lambda result: True)

@@ -235,13 +235,20 @@ def darts(axes: Axes, x: np.ndarray, y: np.ndarray, angles: np.ndarray, label: s
 
 def bounded(axes: Axes, trusted: list[np.ndarray], others: list[np.ndarray], *, headroom: float = 0.05) -> None:
     """Vertical limits that hold `trusted`, and `others` unless they leave it far behind, as a run may."""
+    axes.set_ylim(limits(trusted, others, headroom=headroom))
+
+
+def limits(
+    trusted: list[np.ndarray], others: list[np.ndarray], *, headroom: float = 0.05
+) -> tuple[float, float]:
+    """Limits of an axis that hold `trusted`, and `others` unless they leave it far behind."""
     low, high = min(map(np.min, trusted)), max(map(np.max, trusted))
     extent = 2.0 * ((high - low) or 1.0)
     for values in others:
         low = min(low, max(float(values.min()), low - extent))
         high = max(high, min(float(values.max()), high + extent))
     height = (high - low) or 1.0
-    axes.set_ylim(low - 0.05 * height, high + headroom * height)
+    return low - 0.05 * height, high + headroom * height
 
 
 def plane_axes(axes: Axes, names: tuple[str, str]) -> None:

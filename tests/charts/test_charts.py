@@ -19,6 +19,8 @@ from gsp.charts.style import LADDER, mathematics, plain
 from gsp.comparison.method_table import method_table
 from gsp.comparison.work_precision import WorkPrecision
 from gsp.comparison.work_runs import WorkCurve, WorkKind, WorkPoint
+from gsp.critical.continuation.curve_continuation import continue_critical
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError
 from gsp.fibres.composite_solution import composite
 from gsp.scenes.scene import Scene
@@ -171,6 +173,21 @@ def test_critical_curves_and_sheets_show_their_special_points():
     assert "folds" in [text.get_text() for text in sheet.get_legend().get_texts()]
     with pytest.raises(DeclarationError, match="explicit graph"):
         charts.surroundings(analysis_of("linear"))
+
+
+@pytest.mark.parametrize("unit", [1, sp.Rational(1, 1000)])
+def test_a_curve_that_leaves_for_infinity_does_not_set_the_scale(unit):
+    # The folds are at w = +-2, v = -+1; beside w = 10 v has no bound.
+    w, v, epsilon = sp.symbols("w v epsilon")
+    u, s = v / unit, w / unit
+    system = SlowFastSystem(slow={w: -w}, fast={v: (3 * u - u**3 - s) * (10 - s) + u / 100}, epsilon=epsilon)
+    curve = continue_critical(system, start={"w": 0, "v": 2 * unit}, bounds={"w": (-20 * unit, 30 * unit)})
+    assert np.ptp(curve["v"]) > 1e4 * unit
+    low, high = charts.critical_curve(curve).get_ylim()
+    folds = [point["v"] for point in curve.of_kind(LossKind.FOLD)]
+    assert low < min(folds)
+    assert high > max(folds)
+    assert high - low < 30 * unit
 
 
 def test_methods_and_composites_are_drawn_with_their_parts():
