@@ -52,6 +52,35 @@ def test_split_finds_the_slow_momentum() -> None:
     assert "linear first integral" in run("split", "chaplygin_sleigh").output
 
 
+def test_split_names_what_is_conserved_across_the_time_scales(tmp_path) -> None:
+    model = tmp_path / "binding.toml"
+    text = """
+    epsilon = "delta"
+    [parameters]
+    k = 3
+    {loss}
+    [slow]
+    i = "-l*(i*(1 - d) - k*d)"
+    [fast]
+    d = "i*(1 - d) - k*d"
+    [region]
+    i = [0, 2]
+    [start]
+    i = 1
+    d = 0
+    [scene]
+    span = [0, 1]
+    epsilon = 0.01
+    """
+    model.write_text(text.format(loss="").replace("-l*", "-"))
+    assert "\nConserved: d*delta + i.\n" in run("split", str(model)).output
+    assert json.loads(run("split", str(model), "--json").stdout)["conserved_sums"] == ["d*delta + i"]
+    model.write_text(text.format(loss="l = 2"))
+    assert "\nConserved: 2*d*delta + i, at the values of this model.\n" in run("split", str(model)).output
+    # Its slow variables are the sums that are conserved: they are told once.
+    assert run("split", "rolling_ball").output.count("Conserved") == 3
+
+
 def test_expand_prints_every_order_in_slow_and_in_raw_variables() -> None:
     got = json.loads(run("expand", "chaplygin_sleigh", "--order", "2", "--json").stdout)
     assert [len(row) for row in got["h"]] == [1, 1, 1]

@@ -32,6 +32,9 @@ def split(scene: Scene, as_json: bool) -> None:
     study = study_of(scene)
     nested = nest(scene, order=0) if scene.second else None
     splitting, system = study.splitting, study.system
+    still = [x for x, rate in system.slow.items() if rate == 0]
+    told = {x: x if splitting is None else splitting.coordinates[x] for x in still}
+    sums = _conserved_sums(study.scene, tuple(told.values()))
     if as_json:
         identity = {s.name: s.name for s in system.states}
         print_json(
@@ -42,18 +45,39 @@ def split(scene: Scene, as_json: bool) -> None:
                 "coordinates": identity
                 if splitting is None
                 else {s.name: str(e) for s, e in splitting.coordinates.items()},
-                "conserved": [x.name for x, rate in system.slow.items() if rate == 0],
+                "conserved": [x.name for x in still],
+                "conserved_sums": [str(law) for law in sums],
                 "explanation": "declared in standard form" if splitting is None else splitting.explain(),
                 "nested": None if nested is None else nested.as_dict(),
             }
         )
         return
-    still = [] if splitting is not None else [x for x, rate in system.slow.items() if rate == 0]
-    declared = "\n".join(["Declared in standard form.", *(f"Conserved: {x}, for {x}' = 0." for x in still)])
-    tell((declared if splitting is None else splitting.explain()) + "\n")
+    lines = [splitting.explain()] if splitting is not None else ["Declared in standard form."]
+    lines += [f"Conserved: {x}, for {x}' = 0." for x in still if splitting is None]
+    lines += [f"Conserved: {law}{where}." for law, where in sums.items()]
+    tell("\n".join(lines) + "\n")
     tell(system)
     if nested is not None:
         tell(f"\n{nested.explain()}")
+
+
+def _conserved_sums(scene: Scene, known: tuple[Any, ...]) -> dict[Any, str]:
+    """Conserved linear combinations of the states of the model, none where those `known` are all there are.
+
+    Each has the words that say where it is so.
+    """
+    from gsp.scales.conservation import conserved_by, is_conserved
+
+    flow = scene.system
+    _, laws = conserved_by(flow, scene.epsilon if scene.has_small else None)
+    linear = [law for law in known if not any(law.diff(z).has(*flow.states) for z in flow.states)]
+    if len(laws) <= len(linear):
+        return {}
+    return {
+        law: "" if is_conserved(law, flow.states, flow.rates) else ", at the values of this model"
+        for law in laws
+        if law not in known
+    }
 
 
 @cli.command()

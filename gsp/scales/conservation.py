@@ -10,10 +10,12 @@ import flint
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.laurent import pole_order
 from gsp.algebra.polynomials import rational
 from gsp.algebra.rational_matrices import null_space
 from gsp.algebra.substitution import substituted
 from gsp.scales.modes import Coordinates
+from gsp.systems.declaration import exact
 from gsp.systems.flow import Flow
 
 
@@ -64,13 +66,17 @@ def _terms(expression: sp.Basic) -> int:
     return most if most > MOST_TERMS else 1
 
 
-def conserved_by(flow: Flow) -> tuple[Coordinates, tuple[sp.Expr, ...]]:
+def conserved_by(flow: Flow, epsilon: float | None = None) -> tuple[Coordinates, tuple[sp.Expr, ...]]:
     """Coordinates across the linear combinations of states that no term of the flow changes, and these combinations.
 
-    At the values of the parameters.
+    At the values of the parameters and, where it is given, of epsilon: i + epsilon d is conserved where a fast d takes
+    what i loses. Epsilon stands in a combination as a symbol where that is conserved for all its values.
     """
+    small = flow.epsilon
     values = {**flow.parameters, **flow.fixed}
-    found = reactions_of([substituted(rate, values) for rate in flow.rates])
+    named = [substituted(rate, values) for rate in flow.rates]
+    at = {} if small is None or epsilon is None else {small: exact(epsilon)}
+    found = reactions_of([substituted(rate, at) for rate in named] if at else named)
     n = len(flow.states)
     basis = null_space(found.stoichiometry.transpose())
     m = len(basis)
@@ -85,8 +91,20 @@ def conserved_by(flow: Flow) -> tuple[Coordinates, tuple[sp.Expr, ...]]:
     embedding = np.zeros((n, n - m))
     embedding[free, np.arange(n - m)] = 1.0
     embedding[bound] = -matrix[:, free]
-    laws = tuple(
-        sp.Add(*[rational(entry) * state for entry, state in zip(row, flow.states) if entry != 0])
-        for row in rows
-    )
-    return Coordinates(matrix, free, embedding), laws
+    laws = []
+    for row, first in zip(rows, bound):
+        law = sp.Add(*[rational(entry) * state for entry, state in zip(row, flow.states) if entry != 0])
+        if at:
+            # A state whose rate has a pole is epsilon times as much of the sum.
+            powers = {z: (small / at[small]) ** pole_order(rate, small) for z, rate in zip(flow.states, named)}
+            general = law.xreplace({z: power * z for z, power in powers.items()})
+            general = sp.expand_mul(general / general.coeff(flow.states[first]))
+            law = general if is_conserved(general, flow.states, named) else law
+        laws.append(law)
+    return Coordinates(matrix, free, embedding), tuple(laws)
+
+
+def is_conserved(law: sp.Expr, states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> bool:
+    """Whether the terms of the `rates` leave a linear combination of the `states` as it is, whatever the parameters."""
+    change = sp.Add(*[law.coeff(z) * rate for z, rate in zip(states, rates)])
+    return all(entry == 0 for row in reactions_of([change]).stoichiometry.table() for entry in row)

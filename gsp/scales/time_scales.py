@@ -252,7 +252,7 @@ def time_scales(
             got=f"{usable.size} times",
         )
     t, states, forces, jacobians = t[usable], states[usable], forces[usable], jacobians[usable]
-    coordinates, laws = conserved_by(flow)
+    coordinates, laws = conserved_by(flow, epsilon)
     tolerance = rtol * np.abs(states) + rtol**2 * np.abs(states).max(axis=0)
     found: list[Modes] = []
     for i, jacobian in enumerate(jacobians):

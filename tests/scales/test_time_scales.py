@@ -150,6 +150,29 @@ def test_terms_are_reactions() -> None:
     assert [str(law) for law in laws] == ["x + 3*y/2"]
 
 
+@pytest.mark.parametrize("unit", [1, sp.Rational(1, 10**9), 10**6])
+def test_a_sum_across_the_time_scales_is_conserved(unit) -> None:
+    """i binds to what is left of an enzyme, 1 - d: i' = -w, delta d' = w, with i in any unit."""
+    i, d, s, k, delta = sp.symbols("i d s k delta")
+    w = k * (i / unit * (1 - d) - d / 2)
+    system = gsp.SlowFastSystem(slow={s: -s, i: -unit * w}, fast={d: w}, epsilon=delta, parameters={k: 3})
+    start = {"s": 1, "i": float(unit), "d": 0.3}
+    for flow in (system, system.as_field()):
+        found = time_scales(flow, start=start, span=(0, 2), epsilon=0.02)
+        assert found.conserved == (i + unit * delta * d,)
+        assert (found.rates[:, -1] == 0.0).all()
+        assert np.isfinite(found.times[:, :-1]).all()
+        total = found.states @ [0.0, 1.0, 0.02 * float(unit)]
+        assert total == pytest.approx(total[0], rel=1e-6)
+    # With the fast state first the sum begins with it, and one that holds at this epsilon alone has its value.
+    _, laws = conserved_by(VectorField({d: w / delta, i: -w, s: 0}, epsilon=delta, parameters={k: 3}), 0.5)
+    assert laws == (d + i / delta, s)
+    _, laws = conserved_by(VectorField({d: w / delta, i: -4 * w}, epsilon=delta, parameters={k: 3}), 0.5)
+    assert laws == (d + i / (4 * delta),)
+    _, laws = conserved_by(VectorField({d: w * (1 + delta), i: -3 * w}, epsilon=delta, parameters={k: 3}), 0.5)
+    assert laws == (d + i / 2,)
+
+
 def test_participation_and_importance_add_up_and_name_the_fast_reactions() -> None:
     """Partial equilibrium A <-> B at 1000, B -> drain at 1: the pair drives the fast mode, the drain the slow one."""
     field = VectorField({x: -1000 * x + 1000 * y, y: 1000 * x - 1000 * y - y})
