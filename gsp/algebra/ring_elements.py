@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class RingElement(Subtractable):
     """N / D^e in a `LocalisedRing`; supports + - * with elements and integers."""
 
-    __slots__ = ("_numerator", "exponents", "ring")
+    __slots__ = ("_numerator", "_written", "exponents", "ring")
 
     def __init__(self, ring: LocalisedRing, numerator: flint.fmpq_mpoly, exponents: tuple[int, ...]) -> None:
         self.ring = ring
@@ -62,6 +62,13 @@ class RingElement(Subtractable):
     def is_zero(self) -> bool:
         """Whether the numerator is the zero polynomial."""
         return self.numerator == 0
+
+    def written(self) -> sp.Expr:
+        """`LocalisedRing.horner` of this element, made once: reduced flows of every order hold the same elements."""
+        known = getattr(self, "_written", None)
+        if known is None or known[0] != self.ring.sizes:
+            known = self._written = (dict(self.ring.sizes), self.ring.horner(self))
+        return known[1]
 
     def _over(self, exponents: tuple[int, ...]) -> flint.fmpq_mpoly:
         numerator = self.numerator

@@ -173,7 +173,7 @@ def demo(
     target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
     if not target.absolute().parent.is_dir():
         raise GspError(f"there is no folder {target.absolute().parent}.", "Make it, or give another path.")
-    with compiling_told():
+    with compiling_told(), progress_bar("page"):
         page = make_demo(scene, story=story)
     check_interrupt()
     page.save(target)

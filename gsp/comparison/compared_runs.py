@@ -5,7 +5,7 @@ On a repelling branch both run backward in time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,12 +56,17 @@ class ComparedRuns:
     direction: int
     nesting: Nesting | None
 
-    def at(self, epsilon: float, origin: Mapping[str, float]) -> RunErrors:
+    def at(
+        self, epsilon: float, origin: Mapping[str, float], ran: Callable[[], object] = lambda: None
+    ) -> RunErrors:
+        """The errors at one epsilon of runs from over `origin`; `ran` is called after that of each flow."""
         scene, slow = self.scene, self.slow
         start, slow_start, grid = self._beginning(epsilon, origin)
         if not np.isfinite([*start.values(), *slow_start.values()]).all():
             # At so large an epsilon the series leads out of the domain of what it stands in.
             nothing = float("nan")
+            for _ in self.flows:
+                ran()
             return RunErrors(
                 dict.fromkeys(self.flows, nothing),
                 dict.fromkeys(self.flows, Status.SERIES_ENDS),
@@ -70,7 +75,10 @@ class ComparedRuns:
             )
         reference = run_on(self.full, start, scene, epsilon, grid)
         check = run_on(self.full, start, scene, epsilon, grid, loosened=CHECK)
-        runs = {n: run_on(flow, slow_start, scene, epsilon, grid) for n, flow in self.flows.items()}
+        runs = {}
+        for n, flow in self.flows.items():
+            runs[n] = run_on(flow, slow_start, scene, epsilon, grid)
+            ran()
         claimed = {}
         for name, rival in self.rivals.items():
             names = [z.name for z in rival.states]

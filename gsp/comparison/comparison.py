@@ -150,7 +150,19 @@ def compare(
         study.run_series(min(valid_orders))
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
     series = study.short_series(max(reached_orders) + 1, at_least=max(reached_orders))
-    flows = {n: study.reduced(n, reconstructed=False) for n in reached_orders}
+    done = 0
+
+    def advance() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            # Of each order: the flow, and its run at every epsilon.
+            progress(min(done / (len(reached_orders) * (1 + len(ladder))), 1.0))
+
+    flows = {}
+    for n in reached_orders:
+        flows[n] = study.reduced(n, reconstructed=False)
+        advance()
     rivals = _rivals(scene, study)
     inner = None if correction is None else _inner(study, correction)
     full, slow = (
@@ -160,11 +172,7 @@ def compare(
     runs = ComparedRuns(scene, full, slow, flows, rivals, series, inner, sense(study), nesting)
 
     def measured(origin: Mapping[str, float], begins: str = "") -> Comparison:
-        rows = []
-        for i, epsilon in enumerate(ladder):
-            rows.append(runs.at(epsilon, origin))
-            if progress is not None:
-                progress((i + 1) / len(ladder))
+        rows = [runs.at(epsilon, origin, advance) for epsilon in ladder]
         errors = {n: tuple(row.errors[n] for row in rows) for n in flows}
         claimed = {name: tuple(row.claimed[name] for row in rows) for name in rivals}
         highest = max(reached_orders)

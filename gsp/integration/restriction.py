@@ -60,9 +60,7 @@ def restrict(
 
     def written(element) -> sp.Expr:
         return (
-            ring.written([element], known)[0]
-            if truncated.is_program
-            else ring.horner(element).xreplace(renamed)
+            ring.written([element], known)[0] if truncated.is_program else element.written().xreplace(renamed)
         )
 
     def total(elements) -> sp.Expr:

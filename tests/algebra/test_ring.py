@@ -63,6 +63,16 @@ def test_horner_form_has_the_value_of_the_element(f: sp.Expr) -> None:
     assert same(ring.horner(read(f, ring, {}).reduced()), f)
 
 
+def test_an_element_is_written_once_for_the_sizes_that_are_known() -> None:
+    ring = ring_for(x)
+    element = read((x**90 + a) / (x - a), ring, {}).reduced()
+    first = element.written()
+    assert first is element.written()
+    assert first == ring.horner(element)
+    ring.sizes = {x: 40}
+    assert element.written() == ring.horner(element) != first
+
+
 def test_a_common_factor_is_divided_out_exactly() -> None:
     ring = ring_for(x)
     element = read((x**2 - a**2) / (x - a) ** 3, ring, {}).reduced()

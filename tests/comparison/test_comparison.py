@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp import load, models
-from gsp.comparison.compared_runs import on_manifold
+from gsp.comparison.compared_runs import ComparedRuns, on_manifold
 from gsp.comparison.comparison import compare, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.scenes.scene import Scene
@@ -82,6 +82,17 @@ def test_progress_reaches_one() -> None:
     compare(models.load("linear"), orders=(0,), progress=seen.append)
     assert seen[-1] == 1.0
     assert seen == sorted(seen)
+
+
+def test_progress_is_seen_while_flows_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[float] = []
+    begun: list[int] = []
+    at = ComparedRuns.at
+    monkeypatch.setattr(ComparedRuns, "at", lambda *given: begun.append(len(seen)) or at(*given))
+    compare(models.load("linear"), orders=(0, 1, 2), epsilons=(0.02, 0.01), progress=seen.append)
+    # Three flows, then each of them at two epsilons.
+    assert begun[:2] == [3, 6]
+    assert seen[:9] == pytest.approx(np.arange(1, 10) / 9)
 
 
 @pytest.mark.parametrize("orders", [(), (-1,), (1.5,), ("1",), (True,)])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.algebra.ring import LocalisedRing
 from gsp.critical.critical_manifold import solve_critical
 from gsp.integration.restriction import restrict
 from gsp.lowering.compiled_flow import compile_flow
@@ -40,3 +41,16 @@ def test_rates_with_long_determinants_are_written_as_programs_and_are_those_of_m
     found = compile_flow(flow).rates(np.array([by_name[s.name] for s in flow.states]), np.array([0.1]))
     expected = {"x": rate, **{f"{s.name}0": v * rate for s, v in zip(y, slope)}}
     assert found == pytest.approx([expected[s.name] for s in flow.states], rel=1e-9)
+
+
+def test_flows_of_many_orders_are_written_in_the_work_of_the_highest(monkeypatch: pytest.MonkeyPatch) -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: -y}, fast={y: x / (1 + x) - y}, epsilon=epsilon)
+    series = expand(solve_critical(system).branches[0], order=6, symbolic=False)
+    counted: list[int] = []
+    horner = LocalisedRing.horner
+    monkeypatch.setattr(LocalisedRing, "horner", lambda *given: counted.append(1) or horner(*given))
+    for order in range(7):
+        restrict(series, order=order)
+    # x and y of M0, and h_k and f_k.
+    assert len(counted) <= 2 + 2 * 7
