@@ -16,6 +16,7 @@ import sympy as sp
 from sympy.core.function import Application
 from sympy.polys.matrices import DomainMatrix
 
+from gsp.algebra.elimination_over_rationals import connected_parts
 from gsp.algebra.factorisation import (
     TERM_PRODUCTS,
     coprime_numerators,
@@ -90,20 +91,21 @@ def _left_null_space(rows: list[dict]) -> list[list[sp.Expr]]:
     if not monomials:
         return [[sp.Integer(int(i == j)) for j in range(len(rows))] for i in range(len(rows))]
     places = {m: i for i, m in enumerate(monomials)}
-    entries = {(places[m], j): c for j, row in enumerate(rows) for m, c in row.items()}
-    matrix = sp.SparseMatrix(len(monomials), len(rows), entries)
-    null = DomainMatrix.from_Matrix(matrix).to_field().nullspace().to_Matrix()
-    found: dict[int, dict[int, sp.Expr]] = {}
-    for (i, j), entry in null.todok().items():
-        found.setdefault(i, {})[j] = entry
-    vectors = []
-    for i in range(null.rows):
-        places = sorted(found[i])
-        row = coprime_numerators([found[i][j] for j in places])
-        if row is not None:
-            known = dict(zip(places, _with_leading_sign(row)))
-            vectors.append([known.get(j, sp.S.Zero) for j in range(null.cols)])
-    return vectors
+    entries = [(places[m], j) for j, row in enumerate(rows) for m in row]
+    found: dict[int, list[sp.Expr]] = {}
+    # Elimination of all at once has one common denominator, by which every step multiplies every row.
+    for held, columns in connected_parts(entries, len(monomials), len(rows)):
+        row_of = {monomials[i]: a for a, i in enumerate(held)}
+        own = {(row_of[m], b): c for b, j in enumerate(columns) for m, c in rows[j].items()}
+        matrix = sp.SparseMatrix(len(held), len(columns), own)
+        null = DomainMatrix.from_Matrix(matrix).to_field().nullspace().to_Matrix() if held else sp.eye(1)
+        for k in range(null.rows):
+            known = {columns[b]: null[k, b] for b in range(null.cols) if null[k, b] != 0}
+            row = coprime_numerators(list(known.values()))
+            if row is not None:
+                known = dict(zip(known, _with_leading_sign(row)))
+                found[max(known)] = [known.get(j, sp.S.Zero) for j in range(len(rows))]
+    return [found[last] for last in sorted(found)]
 
 
 def _with_leading_sign(vector: list[sp.Expr]) -> list[sp.Expr]:
@@ -116,7 +118,8 @@ def _in_fewest_digits(vector: list[sp.Expr]) -> list[sp.Expr]:
     if not all(entry.is_Rational for entry in vector):
         return vector
     largest = max(vector, key=abs)
-    return min(vector, [entry / largest for entry in vector], key=lambda given: len("".join(map(str, given))))
+    scaled = [entry / largest if entry != 0 else entry for entry in vector]
+    return min(vector, scaled, key=lambda given: sum(len(str(entry)) for entry in given if entry != 0))
 
 
 def nonnegative_basis(vectors: list[list[sp.Expr]]) -> list[list[sp.Expr]]:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-import numpy as np
-import scipy.linalg
 import sympy as sp
 from sympy.polys.domains import EXRAW
 from sympy.polys.matrices import DomainMatrix
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.elimination_over_rationals import (
-    at_point,
     connected_parts,
     generic_point,
     independent_rows,
@@ -27,18 +21,9 @@ from gsp.algebra.laurent import laurent, pole_order
 from gsp.algebra.polynomials import rational
 from gsp.algebra.rational_matrices import rational_matrix
 from gsp.algebra.sharing import operations, plus, reciprocal, times
-from gsp.errors import DegenerateError, SplittingError
-from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_over
+from gsp.errors import SplittingError
 from gsp.systems.system import VectorField
 
-# Random starts, Gauss-Newton steps and tolerances in the search for equilibria of the layer problem.
-SEARCH_STARTS = 64
-SEARCH_STEPS = 60
-# Where that finds nothing, so many sets of units are tried for the states, over these decades, from fewer starts each.
-UNITS, DECADES, STARTS_IN_UNITS = 32, (-12.0, 16.0), 8
-SEARCH_TOLERANCE = 1e-10
-RANK_TOLERANCE = 1e-7
 # Expressions with more operations are not rewritten for looks.
 TIDY_LIMIT = 120
 # Determinants of matrices up to this size are expanded by rows; the number of terms grows like the factorial.
@@ -78,190 +63,6 @@ def principal_part(field: VectorField) -> tuple[list[sp.Expr], list[sp.Expr]]:
     return layer, drift
 
 
-def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
-    """Rank of DL on the critical manifold: the one met most often on zeros of L that Gauss-Newton finds.
-
-    The parameters have their values; the number of states when every zero found is isolated.
-    """
-    if all(component == 0 for component in layer):
-        raise SplittingError(f"no rate has a pole in {field.epsilon}.", got=shown(field, layer))
-    _refuse_constants(layer, field)
-    states = field.states
-    matrix = jacobian(layer, states)
-    constant = at_point(matrix, dict(field.parameters)) if not matrix.has(*states) else None
-    origin = dict.fromkeys(states, sp.S.Zero)
-    if constant is not None and all(component.xreplace(origin) == 0 for component in layer):
-        # Of whole numbers: a thousand states take a hundredth of a second, and 13 with fractions.
-        whole, _ = constant.numer_denom()
-        if (whole * whole).rank() == whole.rank():
-            return whole.rank()
-    plain = [compile_over(field, tuple(outputs), arguments=states) for outputs in (layer, matrix)]
-    p = compile_flow(field).constants
-    random = np.random.default_rng(0)
-    z = random.standard_normal((SEARCH_STARTS, len(states)))
-    z[: SEARCH_STARTS // 2] = np.abs(z[: SEARCH_STARTS // 2])
-    functions = _in_units(plain, _balanced(plain[1](z, p)))
-    # In a unit of time in which DL is not small at the starts: what vanishes is told from what is slow.
-    sizes = np.linalg.norm(functions[1](z, p), axis=1)
-    usual = sizes[np.isfinite(sizes) & (sizes > 0.0)]
-    speed = min(float(np.median(usual)), 1.0) if usual.size else 1.0
-    compiled = [lambda z, p, of=of: of(z, p) / speed for of in functions]
-    found: list[tuple[int, int]] = []
-    matrices: list[np.ndarray] = []
-    for start in z:
-        point, converged = _equilibrium(start, compiled, p)
-        if converged:
-            matrices.append(_matrix(compiled[1], point, p))
-            found += _ranks(matrices[-1])
-
-    def in_units() -> Iterator[list[np.ndarray]]:
-        """DL (n, n) at the zeros that are found, the states in units that are drawn, and in these units."""
-        # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre.
-        for _ in range(UNITS):
-            units = 10.0 ** random.uniform(*DECADES, len(states))
-            yield list(_matrices_in_units(z[:: SEARCH_STARTS // STARTS_IN_UNITS], units, compiled, p))
-
-    for there in in_units() if not found else ():
-        found = [ranks for matrix in there for ranks in _ranks(matrix, _by_rows)]
-        if found:
-            break
-    if not found:
-        raise SplittingError(
-            f"no real equilibrium of the fast part {shown(field, layer)} was found, and without one there is no "
-            "critical manifold.",
-            "A fast rotation or drift is averaged, by `average`, not reduced; or check the parameters' values.",
-        )
-    if max(rank for rank, _ in found) == 0:
-        raise DegenerateError(
-            f"the fast part {shown(field, layer)} vanishes to second order on its zeros, so no direction is "
-            "hyperbolic there.",
-            "Rescale the fast variables; gsp.scalings(field) looks for powers of the small parameter.",
-        )
-    # Isolated equilibria have full rank and say nothing about the manifold next to them.
-    on_manifolds = [rank for rank, _ in found if 0 < rank < len(states)]
-    if not on_manifolds:
-        return len(states)
-    rank = max(on_manifolds, key=on_manifolds.count)
-    # Rates of a million beside rates of one: in the square the latter are rounding.
-    # Where a switch is flat to rounding its zeros say nothing; in other units they are where it is steep.
-    looked_at = itertools.chain([matrices], in_units())
-    if (rank, rank) not in found and not any(
-        _has_as_many_eigenvalues(matrix, rank) for there in looked_at for matrix in there
-    ):
-        raise DegenerateError(
-            f"the fast part {shown(field, layer)} is tangent to its own zeros (its linear part is nilpotent "
-            "there), so no direction is normally hyperbolic.",
-            "Rescale the fast variables (gsp.scalings(field) looks for powers of the small parameter), or average.",
-        )
-    return rank
-
-
-def _balanced(matrices: np.ndarray) -> np.ndarray:
-    """The units (n,), powers of two, in which the usual one of the `matrices` (m, n * n) is balanced."""
-    n = math.isqrt(matrices.shape[1])
-    finite = matrices[np.isfinite(matrices).all(axis=1)]
-    if not finite.size:
-        return np.ones(n)
-    usual = np.median(np.abs(finite), axis=0).reshape(n, n)
-    answer: Any = scipy.linalg.matrix_balance(usual, permute=False, separate=True)
-    return answer[1][0]
-
-
-def _in_units(compiled: Sequence[Callable], units: np.ndarray) -> list[Callable]:
-    """L and DL of states in `units` (n,), by those of the states themselves."""
-    of, derivatives = compiled
-    ratios = (units / units[:, None]).ravel()
-    return [lambda z, p: of(z * units, p) / units, lambda z, p: derivatives(z * units, p) * ratios]
-
-
-def _matrices_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarray) -> Iterator[np.ndarray]:
-    """DL (n, n) at the zeros found from `starts` (m, n), the states in `units` (n,), each then in units of its value.
-
-    What is a zero is judged relative to the terms.
-    """
-
-    values, matrix = _in_units(compiled, units)
-    for start in starts:
-        z, converged = _equilibrium(start, (values, matrix), p)
-        there = _matrix(matrix, z, p)
-        sizes = np.abs(there) @ np.abs(z)
-        if not converged or (np.abs(values(z, p)) > SEARCH_TOLERANCE * sizes).any():
-            continue
-        own = np.where(z == 0.0, 1.0, np.abs(z))
-        yield there * own / own[:, None]
-
-
-def _ranks(
-    matrix: np.ndarray, scaled: Callable[[np.ndarray], np.ndarray] = np.asarray
-) -> list[tuple[int, int]]:
-    """The ranks of a matrix and of its square, each `scaled`; nothing where the square is beyond doubles."""
-    square = matrix @ matrix
-    if not np.isfinite(square).all():
-        return []
-    return [(_numerical_rank(scaled(matrix)), _numerical_rank(scaled(square)))]
-
-
-def _has_as_many_eigenvalues(matrix: np.ndarray, rank: int) -> bool:
-    """Whether a matrix of this rank has as many eigenvalues off zero: the sum of its principal minors of that size.
-
-    It is judged by the terms of the minors, and is the same in all units of the states.
-    """
-    n = len(matrix)
-    # More principal minors are not added up.
-    if math.comb(n, rank) > 1000 or _numerical_rank(_by_rows(matrix)) != rank:
-        return False
-    chosen = [matrix[np.ix_(rows, rows)] for rows in itertools.combinations(range(n), rank)]
-    terms = sum(float(np.prod(np.abs(minor).sum(axis=1))) for minor in chosen)
-    return abs(sum(float(np.linalg.det(minor)) for minor in chosen)) > RANK_TOLERANCE * terms
-
-
-def _by_rows(matrix: np.ndarray) -> np.ndarray:
-    """Each row relative to its largest entry, those of zeros as they are."""
-    largest = np.abs(matrix).max(axis=1, keepdims=True)
-    return matrix / np.where(largest > 0.0, largest, 1.0)
-
-
-def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:
-    for state, component in zip(field.states, layer):
-        if component != 0 and not component.has(*field.states):
-            raise SplittingError(
-                f"the fast part of {state}' is {component}/{field.epsilon}, which has no equilibrium.",
-                "A fast drift or rotation is averaged, by `average`, not reduced.",
-            )
-
-
-def _equilibrium(start: np.ndarray, compiled, p: np.ndarray) -> tuple[np.ndarray, bool]:
-    z = start.copy()
-    for _ in range(SEARCH_STEPS):
-        value = compiled[0](z, p)
-        if not np.isfinite(value).all():
-            return z, False
-        try:
-            step = np.linalg.lstsq(_matrix(compiled[1], z, p), value, rcond=1e-10)[0]
-        except np.linalg.LinAlgError:
-            # Entries near the largest double.
-            return z, False
-        if not np.isfinite(step).all():
-            return z, False
-        length = np.linalg.norm(step)
-        longest = 1.0 + np.linalg.norm(z)
-        z = z - (step * (longest / length) if length > longest else step)
-        if length < SEARCH_TOLERANCE * (1 + np.linalg.norm(z)):
-            residual = np.linalg.norm(compiled[0](z, p))
-            return z, bool(residual < 1e-8 and np.linalg.norm(z) < 1e6)
-    return z, False
-
-
-def _matrix(compiled, z: np.ndarray, p: np.ndarray) -> np.ndarray:
-    values = np.nan_to_num(compiled(z, p))
-    return values.reshape(-1, len(z))
-
-
-def _numerical_rank(matrix: np.ndarray) -> int:
-    singular_values = np.linalg.svd(matrix, compute_uv=False)
-    return int((singular_values > RANK_TOLERANCE * (1 + singular_values[0])).sum())
-
-
 def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix]:
     """(N, f) with L = N f; off {f = 0} exactly when N is constant or one-dimensional, else on {f = 0}."""
     states = list(field.states)
@@ -279,7 +80,8 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
         for j, i in enumerate(rows):
             constant[i, j] = sp.S.One
             for relation, k in zip(relations, last):
-                constant[k, j] = lowest_terms(-relation[i] / relation[k])
+                if relation[i] != 0:
+                    constant[k, j] = lowest_terms(-relation[i] / relation[k])
         return sp.ImmutableMatrix(constant), sp.ImmutableMatrix([layer[i] for i in rows])
     DL = jacobian(L, states)
     values = numbers_at(DL, generic_point((*states, *field.parameters)))

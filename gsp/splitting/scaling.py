@@ -26,7 +26,8 @@ from gsp.algebra.laurent import laurent, pole_order
 from gsp.errors import DeclarationError, SplittingError
 from gsp.results.card import Card
 from gsp.results.table import Names
-from gsp.splitting.fast_part import jacobian, layer_rank
+from gsp.splitting.fast_part import jacobian
+from gsp.splitting.layer_rank import layer_rank
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Portable, Values
 from gsp.systems.system import VectorField

@@ -32,13 +32,13 @@ from gsp.splitting.fast_part import (
     factorised,
     inverse,
     jacobian,
-    layer_rank,
     principal_part,
     reduced,
     shown,
     tidy,
 )
 from gsp.splitting.fast_time import divided, is_in_fast_time
+from gsp.splitting.layer_rank import layer_rank
 from gsp.splitting.restriction import restricted
 from gsp.splitting.scaling import Scaling, scalings
 from gsp.splitting.switches import Switch, has_switches, with_fast, without_switches
@@ -320,7 +320,8 @@ def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting 
     inverse = {z: solved.get(z, z) for z in states}
     slow = {}
     for symbol, phi in coordinates.items():
-        raw = sp.Add(*[sp.diff(phi, z) * rate for z, rate in zip(states, drift) if z in phi.free_symbols])
+        moving = phi.free_symbols
+        raw = sp.Add(*[sp.diff(phi, z) * rate for z, rate in zip(states, drift) if z in moving])
         slow[symbol] = tidy(tidy(raw).xreplace(solved))
     place = {z: i for i, z in enumerate(states)}
     fast_rates = {}

@@ -1,4 +1,4 @@
-"""The fast part of a field: its pole and its rest, matrices inverted exactly, ranks, and the search for equilibria."""
+"""The fast part of a field: its pole and its rest, and matrices inverted exactly."""
 
 from __future__ import annotations
 
@@ -8,29 +8,21 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp.errors import SplittingError
 from gsp.lowering.compiled_function import compile_function
 from gsp.splitting.fast_part import (
-    RANK_TOLERANCE,
     TIDY_LIMIT,
     _by_elimination,
-    _by_rows,
-    _equilibrium,
-    _matrices_in_units,
-    _numerical_rank,
-    _ranks,
     factorised,
     inverse,
     jacobian,
-    layer_rank,
     principal_part,
     reduced,
     tidy,
 )
+from gsp.splitting.layer_rank import layer_rank
 from gsp.splitting.splitting import split
 from gsp.systems.system import VectorField
 from tests.cases import thinned
-from tests.rescaling import rescaled, scene
 
 x, y, z, a, eps = sp.symbols("x y z a epsilon")
 
@@ -111,73 +103,6 @@ def test_the_rank_is_the_number_of_fast_directions(layer: list, rank: int) -> No
         assert difference.applyfunc(sp.simplify) == sp.zeros(3, 3)
 
 
-@pytest.mark.parametrize(
-    ("layer", "words"),
-    [
-        ([0, 0, 0], "no rate has a pole"),
-        ([3, y, 0], "which has no equilibrium"),
-        ([1 + x**2, 0, 0], "no real equilibrium"),
-        ([x**2, 0, 0], "vanishes to second order"),
-        ([y, 0, 0], "tangent to its own zeros"),
-    ],
-)
-def test_fast_parts_without_a_critical_manifold_are_refused(layer: list, words: str) -> None:
-    layer = [sp.sympify(e) for e in layer]
-    with pytest.raises(SplittingError, match=words):
-        layer_rank(layer, field(x / eps, y, z))
-
-
-def test_ranks_are_numerical_and_rows_are_judged_by_their_own_size() -> None:
-    least = RANK_TOLERANCE * 2.0
-    assert _numerical_rank(np.diag([1.0, 1.01 * least])) == 2
-    assert _numerical_rank(np.diag([1.0, 0.99 * least])) == 1
-    assert _numerical_rank(np.diag([1e6, 0.2])) == 2
-    assert _numerical_rank(np.zeros((2, 2))) == 0
-    assert _by_rows(np.array([[2.0, -4.0], [0.0, 0.0], [1e-9, 0.0]])).tolist() == [
-        [0.5, -1.0],
-        [0.0, 0.0],
-        [1.0, 0.0],
-    ]
-
-
-def test_zeros_far_apart_in_size_are_found_in_units_of_the_states() -> None:
-    # L = (z_0^2/10^12 - z_1) (1, -1): zero at z_0 = 10^8 and z_1 = 10^4.
-    asked = []
-
-    def values(z: np.ndarray, _) -> np.ndarray:
-        asked.append(z)
-        return (z[0] ** 2 / 1e12 - z[1]) * np.array([1.0, -1.0])
-
-    def matrix(z: np.ndarray, _) -> np.ndarray:
-        return np.outer([1.0, -1.0], [2 * z[0] / 1e12, -1.0]).ravel()
-
-    starts = np.array([[1.0, 2.0], [3.0, 0.5], [0.2, 1.5]])
-    found = _matrices_in_units(starts, np.array([1e8, 1e4]), (values, matrix), np.array([]))
-    assert [_ranks(there, _by_rows) for there in found] == [[(1, 1)]] * 3
-    # Newton's method in these units takes a few steps from each start.
-    assert len(asked) < 40
-
-
-def test_equilibria_are_searched_with_steps_no_longer_than_the_point() -> None:
-    visited = []
-
-    def value(z: np.ndarray, _) -> np.ndarray:
-        visited.append(z.copy())
-        return z - 100.0
-
-    found, converged = _equilibrium(np.array([0.0]), (value, lambda *_: np.ones(1)), np.array([]))
-    assert converged
-    assert found == pytest.approx([100.0])
-    # Each step is at most 1 + |z|.
-    assert [float(v[0]) for v in visited[:5]] == pytest.approx([0.0, 1.0, 3.0, 7.0, 15.0])
-    far = _equilibrium(np.array([0.0]), (lambda z, _: z - 2e6, lambda *_: np.ones(1)), np.array([]))
-    assert not far[1]
-    none = _equilibrium(np.array([1.0]), (lambda z, _: z * np.nan, lambda *_: np.ones(1)), np.array([]))
-    assert (none[0].tolist(), none[1]) == ([1.0], False)
-    endless = _equilibrium(np.array([1.0]), (lambda z, _: 1.0 + z**2, lambda z, _: 2 * z), np.array([]))
-    assert not endless[1]
-
-
 def test_expressions_are_shortened_unless_they_are_long() -> None:
     assert tidy(x * y + x * z) == x * (y + z)
     assert tidy((x**2 - 1) / (x - 1)) == x + 1
@@ -252,42 +177,3 @@ def test_directions_that_turn_are_found_by_elimination_to_digits() -> None:
     directions, slopes, whole = (values(m, np.zeros(6)) for m in (N, jacobian(chosen, z), jacobian(layer, z)))
     assert np.linalg.matrix_rank(directions) == 5
     assert np.allclose(directions @ slopes, whole, atol=1e-12)
-
-
-def test_a_switch_that_is_flat_in_most_units_is_fast() -> None:
-    # tanh(10^6 z) is flat to rounding wherever zeros are looked for first.
-    rate = -(sp.tanh(10**6 * z) + x * y / 10**3)
-    field = VectorField({x: -y, y: x, z: rate / eps}, epsilon=eps)
-    assert layer_rank([sp.S.Zero, sp.S.Zero, rate], field) == 1
-
-
-@pytest.mark.parametrize("power", [-12, -9, 9, 12])
-def test_the_rank_is_the_same_in_all_units_of_time(power: int) -> None:
-    """Rates of 1e-9 were taken to vanish to second order."""
-    faster = sp.Integer(10) ** power
-    for rates, rank in (
-        ({x: (sp.tanh(y) - x) / eps, y: (x - sp.tanh(y)) / eps, z: x - z}, 1),
-        ({x: (y**2 - x) / eps, y: (x - y**2 + sp.exp(z) - y) / eps, z: (y - sp.exp(z)) / eps + x}, 2),
-    ):
-        own = VectorField({s: faster * rate for s, rate in rates.items()}, epsilon=eps)
-        assert layer_rank(principal_part(own)[0], own) == rank
-
-
-def test_the_rank_is_the_same_where_units_of_the_states_are_far_apart() -> None:
-    """A gene's messenger and its dimers, 1e-6 beside 1e6: most entries of DL are nothing beside the largest."""
-    plain = scene("gene_dimers")
-    for powers in ({}, {"M": -6, "P": 6, "D": -6}, {"M": 6, "P": -6, "D": 6}):
-        own = rescaled(plain, powers).system
-        assert isinstance(own, VectorField)
-        assert layer_rank(principal_part(own)[0], own) == 2
-
-
-@pytest.mark.parametrize(("length", "speed"), [(0, 0), (-3, 3), (2, -3), (-3, 4)])
-def test_the_rank_is_the_same_in_units_of_length_and_speed(length: int, speed: int) -> None:
-    """Two wagons: where they are 1e3 long and 1e-3 fast the rank was 1, or no equilibrium was found."""
-    a, b, u, v = states = sp.symbols("a b u v")
-    far, fast = sp.Integer(10) ** length, sp.Integer(10) ** speed
-    pull = (900 * (b - a) * far + 50 * (v - u) * fast + sp.sin(a * far) / 4) / fast
-    layer = [(u - v) * fast / far, (v - u) * fast / far, pull, -pull]
-    own = VectorField({s: rate / eps for s, rate in zip(states, layer)}, epsilon=eps)
-    assert layer_rank(layer, own) == 2
