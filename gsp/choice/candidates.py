@@ -11,7 +11,7 @@ import numpy as np
 
 from gsp.choice.forecast import Forecast, SurfaceForecast, surface_forecast_of
 from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
-from gsp.errors import GspError
+from gsp.errors import GspError, Status
 from gsp.integration.methods import SOLVERS, Method, choose_method
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
@@ -29,6 +29,8 @@ LARGEST_LAYER = 0.5
 PIECE = 0.15
 # A run of so few steps is made over the span: these take no longer than a few calls.
 FEW_STEPS = 100
+# Whether a longer one gets to the end is looked at with this tolerance, which takes fewer steps.
+COARSE = 1e-3
 # Errors over the span are looked at on so many times.
 GRID_POINTS = 97
 MAX_STEPS = 1_000_000
@@ -52,7 +54,8 @@ class Candidate:
     extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
     `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
     predicted error of the full system is that of its integrator. A model that was not looked at has nan. Where a full
-    run over the span was made, for nothing else tells the error, it is that against it: `is_measured`.
+    run over the span was made, for nothing else tells the error, it is that against it: `is_measured`. `unseen` says
+    that no run was seen to reach the end to which the cost is extrapolated.
     """
 
     kind: ModelKind
@@ -67,6 +70,7 @@ class Candidate:
     why_not: str = ""
     failure: Failure | None = None
     is_measured: bool = False
+    unseen: str = ""
 
     @property
     def seconds(self) -> float:
@@ -75,8 +79,10 @@ class Candidate:
 
     @property
     def remark(self) -> str:
-        """Why it does not serve, or that its error was measured; empty where it serves as predicted."""
-        return "measured over the span" if self.is_measured and self.valid else self.why_not
+        """Why it does not serve, that its error was measured, or what was not seen; else empty."""
+        if not self.valid:
+            return self.why_not
+        return "measured over the span" if self.is_measured else self.unseen
 
     @property
     def follows(self) -> bool:
@@ -257,8 +263,8 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     over = first + min(layer, LARGEST_LAYER * (last - first))
     middle, end = (over + share * PIECE * (last - over) for share in (0.5, 1.0))
 
-    def until(t: float) -> Trajectory:
-        return run_model(flow, start, scene, (first, t), rtol, method=method)
+    def until(t: float, most: int = MAX_STEPS) -> Trajectory:
+        return run_model(flow, start, scene, (first, t), rtol, method=method, max_steps=most)
 
     run = until(end)
 
@@ -286,6 +292,16 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
             ModelKind.FULL, None, rtol, last, (), preparation, whole.stats.steps, whole.stats.field_calls, True,
         )  # fmt: skip
         return Trial(candidate, (lambda: until(last),)), (first, end)
+    most, unseen = int(np.ceil(total)), ""
+    there = {s.name: float(run[s.name][-1]) for s in flow.states}
+    ahead = run_model(flow, there, scene, (end, last), max(rtol, COARSE), method=method, max_steps=most)
+    if not ahead.status.ok:
+        # Coarse runs go astray too: where a run ends is said by one as exact as those that are foretold.
+        whole = until(last, 2 * most)
+        if whole.status is Status.TOO_MANY_STEPS:
+            unseen = f"if it reaches the end: after {2 * most} steps it is at t = {whole.t[-1]:.4g}"
+        elif not whole.status.ok:
+            return ended(whole)
     # The cost of a call is not paid again, that of a step is.
     extra = max(done - until(middle).stats.steps, 1)
 
@@ -295,6 +311,7 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
 
     candidate = Candidate(
         ModelKind.FULL, None, rtol, last, (), preparation, total, run.stats.field_calls * total / done, True,
+        unseen=unseen,
     )  # fmt: skip
     return Trial(candidate, (lambda: until(end), lambda: until(middle)), over_the_span), (first, end)
 

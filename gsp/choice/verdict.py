@@ -117,7 +117,8 @@ def judge(evidence: Evidence) -> Verdict:
         )
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     if partial is None:
-        return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))
+        also = "" if full.valid else f"The run of the full system {_ended(full)}."
+        return Verdict(Answer.NO, accuracy, also, _remedy(nearest, evidence))
     place = ", ".join(f"{name} = {value:.4g}" for name, value in evidence.place.items())
     until = f"t = {partial.holds_until:.4g}" + (f", {place}" if place else "")
     subject = "It" if nearest is partial else f"T{in_words(partial)[1:]}"
@@ -125,7 +126,8 @@ def judge(evidence: Evidence) -> Verdict:
     return Verdict(
         Answer.IN_PART,
         accuracy,
-        "simulate() uses it up to there, and the full system elsewhere.",
+        "simulate() uses it up to there, and the full system elsewhere"
+        + ("." if full.valid else f", whose run {_ended(full)}."),
         _remedy(nearest, evidence),
     )
 
@@ -180,6 +182,7 @@ def _speed(shown: Candidate, full: Candidate, cost: Cost) -> str:
     if not full.valid:
         return f"It is the only run that reaches the end: the full system {full.why_not}."
     times = f"{seconds_shown(shown.seconds)} a run against {seconds_shown(full.seconds)} of the full system"
+    times += f" ({full.unseen})" if full.unseen else ""
     if cost is not Cost.LESS:
         return f"It {cost}: {times}."
     runs = max(1.0, np.ceil((shown.preparation - full.preparation) / (full.seconds - shown.seconds)))
@@ -187,6 +190,10 @@ def _speed(shown: Candidate, full: Candidate, cost: Cost) -> str:
         f"It is {full.seconds / shown.seconds:.2g} times as fast: {times}. Preparing it pays off after {runs:.0f} run"
         f"{'s' if runs > 1 else ''}."
     )
+
+
+def _ended(full: Candidate) -> str:
+    return f"ends at t = {full.holds_until:.4g}"
 
 
 def _nearest(reduced: Sequence[Candidate]) -> Candidate:
@@ -199,8 +206,13 @@ def _nearest(reduced: Sequence[Candidate]) -> Candidate:
 
 def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     """What would help, in one sentence."""
-    scene = evidence.scene
+    scene, full = evidence.scene, evidence.candidates[-1]
     length = scene.span[1] - scene.span[0]
+    if nearest.failure in (Failure.GAP, Failure.KINK, Failure.END):
+        return "A span that ends before that place, or a start behind it, would help."
+    if not full.valid:
+        # Beyond there is nothing that a reduced model could be near to.
+        return f"Ask about a span that ends before t = {full.holds_until:.4g}."
     if evidence.layer > LARGEST_LAYER * length:
         enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
         return (
@@ -213,8 +225,6 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
         return "compare() measures its error against full runs."
     if nearest.failure is Failure.REGION:
         return "A larger region or a shorter span would help."
-    if nearest.failure in (Failure.GAP, Failure.KINK, Failure.END):
-        return "A span that ends before that place, or a start behind it, would help."
     enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
     # A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
     if enough >= 0.01 * scene.epsilon:

@@ -558,6 +558,58 @@ def test_a_full_system_that_blows_up_behind_the_piece_is_told_in_few_steps(
     assert "measured nothing" not in str(choice)
 
 
+def turning(rate, turns, *, span: float, tolerance: float) -> Scene:
+    """x' = `rate` beside a pair that turns, so that runs take hundreds of steps."""
+    u, v = sp.symbols("u v")
+    system = SlowFastSystem(slow={x: rate, u: turns * v, v: -turns * u}, fast={y: x - y}, epsilon=eps)
+    region = {"x": (0, 10), "u": (-2, 2), "v": (-2, 2)}
+    start = {"x": 1, "u": 1, "v": 0, "y": 1}
+    return Scene(system, region=region, start=start, epsilon=0.01, span=(0, span), tolerance=tolerance)
+
+
+@pytest.mark.parametrize(("turns", "tolerance"), [(200, 1e-9), (100, 1e-2)])
+def test_a_full_system_that_blows_up_behind_the_piece_is_told_in_many_steps(
+    turns: int, tolerance: float
+) -> None:
+    """A cost was foretold to t = 2, 1,149 steps and 132, where x = 1/(1 - t)."""
+    choice = choose(turning(x**2, turns, span=2, tolerance=tolerance), orders=(0, 1), solve=False)
+    full = choice.candidates[-1]
+    assert not full.valid
+    assert full.holds_until == pytest.approx(1.0, abs=1e-6)
+    assert np.isnan(full.steps)
+    assert (
+        "the full system elsewhere, whose run ends at t = 1. Ask about a span that ends before t = 1."
+        in str(choice)
+    )
+    assert "smaller epsilon" not in str(choice)
+
+
+def test_a_look_ahead_takes_no_more_steps_than_a_run(monkeypatch) -> None:
+    made = []
+    run = candidates.run_model
+
+    def counted(*args, **options):
+        made.append(run(*args, **options))
+        return made[-1]
+
+    monkeypatch.setattr(candidates, "run_model", counted)
+    asked = turning(-(x**2), 200, span=2, tolerance=1e-9)
+    trial, _ = full_candidate(asked.system, asked.start, asked, 0.1, 1e-10)
+    assert (trial.candidate.valid, trial.candidate.unseen) == (True, "")
+    assert sum(own.stats.steps for own in made) < 1.5 * trial.candidate.steps
+
+
+def test_a_cost_to_an_end_that_was_not_seen_is_said_to_suppose_it() -> None:
+    """The pair turns ever faster: 40 times as many steps as foretold do not reach the end."""
+    asked = turning(x, 10 * x, span=7, tolerance=1e-6)
+    wider = replace(asked, region={**asked.region, "x": (0, 2000)})
+    choice = choose(wider, orders=(0, 1), solve=False)
+    full = choice.candidates[-1]
+    assert full.valid
+    assert full.unseen.startswith("if it reaches the end: after ")
+    assert full.unseen in str(choice)
+
+
 def test_a_choice_is_a_card_and_a_table() -> None:
     choice = choose(models.load("linear"), orders=(1,), solve=False)
     assert [row["model"] for row in choice.as_rows()] == ["reduced 1", "full"]
