@@ -61,7 +61,7 @@ def _line(analysis: Analysis, axes: Axes, name: str) -> None:
     for i in range(real.shape[1]):
         label = r"$\mathrm{Re}\,\lambda$" if real.shape[1] == 1 else rf"$\mathrm{{Re}}\,\lambda_{{{i + 1}}}$"
         axes.plot(x[:, 0], real[:, i], color=SERIES[i % len(SERIES)], label=label)
-    gap = analysis.hyperbolicity.known_gap
+    gap = analysis.hyperbolicity.gap
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.axhspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
     nearest = np.min(np.abs(real), axis=1) * np.sign(
@@ -98,7 +98,7 @@ def _map(analysis: Analysis, axes: Axes, names: list[str]) -> None:
     cast(Axes, bar.ax).tick_params(length=3)
     worst = int(np.nanargmin(np.abs(shown)))
     failing = _failing(analysis, names)
-    label = "fails here" if failing else f"least of the samples: {analysis.hyperbolicity.gap:.3g}"
+    label = "fails here" if failing else f"least of the samples: {analysis.hyperbolicity.sampled_gap:.3g}"
     _ring(axes, failing or [tuple(x[worst])], label)
     name_axes(axes, *names)
     legend(axes)
@@ -120,7 +120,7 @@ def _plane(analysis: Analysis, axes: Axes) -> None:
     values = _sampled(analysis, COARSE)[1].ravel()
     values = values[np.isfinite(values)]
     real, imaginary = np.real(values), np.imag(values)
-    gap = analysis.hyperbolicity.known_gap
+    gap = analysis.hyperbolicity.gap
     axes.axvline(0.0, color=INK, lw=0.8)
     axes.axvspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
     axes.plot(real, imaginary, ".", color=BLUE, ms=5, ls="none", label=r"$\lambda$ over the region")

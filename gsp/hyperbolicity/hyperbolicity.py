@@ -21,7 +21,7 @@ from gsp.hyperbolicity.domination import Shortfall, dominated, shortfall
 from gsp.hyperbolicity.exclusion import Exclusion, exclude
 from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
-from gsp.hyperbolicity.samples import Kind, is_worse, judged_samples, kind_of, sampled
+from gsp.hyperbolicity.samples import Judged, Kind, is_worse, judged_samples, kind_of, sampled
 from gsp.results.bounds import at_least
 from gsp.results.card import Card
 from gsp.systems.arguments import check_flag, check_noun
@@ -34,22 +34,29 @@ if TYPE_CHECKING:
 EQUILIBRIUM_TOLERANCE = 1e-9
 # Enclosures that bound the gap by less than this share of the sampled one leave room for one that samples missed.
 SHARP = 0.5
+# Conditions whose numbers a proof has too.
+HYPERBOLIC, DOMINATES = "hyperbolic equilibria", "normal rate dominates"
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One condition: what is required, the number that decides it, and whether it holds."""
+    """One condition: what is required, the number that decides it, and whether it holds.
+
+    With `is_proved` the number is no less than `value`, which is proved.
+    """
 
     name: str
     statement: str
     value: float
     requirement: str
     holds: bool
+    is_proved: bool = False
 
     @property
     def fact(self) -> str:
         """The number beside what is required of it."""
-        return f"{self.name}: {self.value:.6g} ({self.requirement})"
+        shown = f"at least {at_least(self.value)}" if self.is_proved else f"{self.value:.6g}"
+        return f"{self.name}: {shown} ({self.requirement})"
 
     def __str__(self) -> str:
         return f"{'holds' if self.holds else 'FAILS':5}  {self.fact}"
@@ -59,9 +66,9 @@ class Condition:
 class NormalRates:
     """Normal rate in fast time against the tangential rate in slow time.
 
-    `normal` is the least |Re lambda| of g_y; `tangential` bounds the growth and decay of differences along the slow
-    flow on M0 (Eldering 2013, definition 1.1), in the constant metric over the region in which that bound is least.
-    Units and linear changes of the slow variables do not change it; see `gsp.critical.slow_metric`.
+    `normal` is the gap, the least |Re lambda| of g_y; `tangential` bounds the growth and decay of differences along the
+    slow flow on M0 (Eldering 2013, definition 1.1) at the samples, in the constant metric over the region in which that
+    bound is least. Units and linear changes of the slow variables do not change it; see `gsp.critical.slow_metric`.
     """
 
     normal: float
@@ -77,10 +84,10 @@ class NormalRates:
 
 @dataclass(frozen=True, eq=False)
 class Hyperbolicity(Card):
-    """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| at the samples, in fast time),
-    `rates`, `losses`,
-    and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
-    neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm. `exclusion` says
+    """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| in fast time: a bound, if it `is_proved`,
+    else the `sampled_gap`, what was met at the samples), `rates`, `losses`, and the `conditions` one by one. `samples`
+    points (x, y) were examined; `evidence` says how. `looked_at` are neutral saddles and the like, which are no losses,
+    and `notes` what else was seen and does no harm. `exclusion` says
     where between the samples a loss is not excluded; None when one was found at them. `shortfall` says where and in
     which direction the normal rate does not dominate the tangential one; None where it does, on a lost branch, and
     without an epsilon.
@@ -103,6 +110,7 @@ class Hyperbolicity(Card):
     certificate: Certificate | None = None
     shortfall: Shortfall | None = None
     epsilon: float | None = None
+    sampled_gap: float = float("nan")
 
     @property
     def holds(self) -> bool:
@@ -126,21 +134,16 @@ class Hyperbolicity(Card):
 
     @property
     def is_proved(self) -> bool:
-        """Whether the kind is proved over the region; `certificate.gap` is then the gap that is."""
+        """Whether the kind is proved over the region, with the `gap`."""
         return (
             self.certificate is not None
             and self.certificate.verdict.name == "PROVED"
             and self.kind is not Kind.LOST
         )
 
-    @property
-    def known_gap(self) -> float:
-        """The gap that is proved, where one is, else that at the samples."""
-        return self.certificate.gap if self.certificate is not None and self.is_proved else self.gap
-
     def shown_gap(self, digits: int = 6) -> str:
-        """`known_gap` as text: "at least" it, rounded down, where it is proved."""
-        return f"at least {at_least(self.known_gap, digits)}" if self.is_proved else f"{self.gap:.{digits}g}"
+        """The gap as text: "at least" it, rounded down, where it is proved."""
+        return f"at least {at_least(self.gap, digits)}" if self.is_proved else f"{self.gap:.{digits}g}"
 
     def with_proof(self, *, epsilon: float | None = None, most_boxes: int | None = None) -> Hyperbolicity:
         """The verdict with its `certificate`: what `certify` proves over the region with `most_boxes` boxes.
@@ -162,10 +165,16 @@ class Hyperbolicity(Card):
             # Doubles took for on the axis what is proved to be off it.
             judged = _judged(self.branch, self.region, self.epsilon, distance=found.gap)
         if found.verdict.name == "PROVED" and judged.kind is not Kind.LOST:
-            evidence = f"proved on {found.where}; {judged.gap:.6g} at the samples"
-        else:
-            evidence = f"{judged.evidence}; {found.reason}"
-        return replace(judged, certificate=found, evidence=evidence)
+            sampled = judged.sampled_gap
+            return replace(
+                judged,
+                gap=found.gap,
+                rates=replace(judged.rates, normal=found.gap),
+                conditions=tuple(_by_proof(condition, found, self.epsilon) for condition in judged.conditions),
+                certificate=found,
+                evidence=f"proved on {found.where}; {sampled:.6g} at the samples",
+            )
+        return replace(judged, certificate=found, evidence=f"{judged.evidence}; {found.reason}")
 
     @cached_property
     def sub_region(self) -> SubRegion | None:
@@ -188,7 +197,7 @@ class Hyperbolicity(Card):
         return values[0] if single else values
 
     def __repr__(self) -> str:
-        shown = f">={at_least(self.known_gap)}" if self.is_proved else f"={self.gap:.6g}"
+        shown = f">={at_least(self.gap)}" if self.is_proved else f"={self.gap:.6g}"
         return f"Hyperbolicity({self.kind}, gap{shown}, {self.evidence})"
 
     def __str__(self) -> str:
@@ -261,14 +270,15 @@ def _judged(
             judged = judged_samples(sampler, box, samples, epsilon)
     z, kinds = samples.z, judged.kinds
     lost = judged.lost or len(kinds) != 1
-    evidence = f"sampled at {len(z)} points"
+    evidence, bound = f"sampled at {len(z)} points", ""
     if exclusion is not None and not lost:
         if not exclusion.is_complete:
             evidence += f"; {exclusion}"
         elif exclusion.by_discriminant and not exclusion.gap:
-            evidence += "; between them no eigenvalue vanishes, and nothing bounds the gap"
+            bound = "between them no eigenvalue vanishes, and nothing bounds the gap"
         elif exclusion.gap < SHARP * judged.gap:
-            evidence += f"; between them enclosures bound the gap by {at_least(exclusion.gap)} only"
+            bound = f"between them enclosures bound the gap by {at_least(exclusion.gap)} only"
+    evidence = "; ".join(filter(None, (evidence, bound)))
     rates = NormalRates(judged.gap, sampler.tangential_rate(z))
     found = judged.found
     return Hyperbolicity(
@@ -276,11 +286,10 @@ def _judged(
         region=box,
         kind=Kind.LOST if lost else kind_of(int(kinds[0]), len(system.y)),
         gap=judged.gap,
+        sampled_gap=judged.gap,
         rates=rates,
         losses=judged.losses,
-        conditions=tuple(
-            _conditions(sampler, z, samples.missing, kinds, rates, found.zero, judged.losses, epsilon)
-        ),
+        conditions=tuple(_conditions(sampler, z, samples.missing, judged, rates, epsilon, bound)),
         samples=len(z),
         evidence=evidence,
         looked_at=found.looked_at,
@@ -297,12 +306,12 @@ def _conditions(
     sampler: Sampler,
     z: np.ndarray,
     missing: int,
-    kinds: np.ndarray,
+    judged: Judged,
     rates: NormalRates,
-    zero: float,
-    losses: tuple[Loss, ...],
     epsilon: float | None,
+    bound: str,
 ) -> Iterator[Condition]:
+    kinds, losses = judged.kinds, judged.losses
     rough = (LossKind.NON_SMOOTH, LossKind.FIELD_POLE)
     non_smooth = sum(loss.kind in rough for loss in losses)
     missing += sum(loss.kind is LossKind.BRANCH_POLE for loss in losses)
@@ -330,11 +339,11 @@ def _conditions(
         residual <= EQUILIBRIUM_TOLERANCE,
     )
     yield Condition(
-        "hyperbolic equilibria",
+        HYPERBOLIC,
         "every eigenvalue of g_y(x, h_0(x), 0) is off the imaginary axis",
         rates.normal,
-        "least |Re lambda|, above 0 needed",
-        rates.normal > zero,
+        "; ".join(filter(None, ("least |Re lambda| at the samples, above 0 needed", bound))),
+        rates.normal > judged.found.zero,
     )
     yield Condition(
         "one type",
@@ -354,10 +363,21 @@ def _conditions(
     if epsilon is not None:
         r = rates.r(epsilon)
         yield Condition(
-            "normal rate dominates",
+            DOMINATES,
             f"normal against tangential rate at {sampler.branch.system.epsilon} = {epsilon:g}: "
             "the r of r-normal hyperbolicity",
             r,
-            "at least 1 needed for a C^1 manifold",
+            "at the samples, at least 1 needed for a C^1 manifold",
             r >= 1.0,
         )
+
+
+def _by_proof(condition: Condition, found: Certificate, epsilon: float | None) -> Condition:
+    """The condition with its number as it is proved, where it is."""
+    if condition.name == HYPERBOLIC:
+        needed, value = "least |Re lambda|, proved; above 0 needed", found.gap
+    elif condition.name == DOMINATES and found.epsilon == epsilon:
+        needed, value = "proved; at least 1 needed for a C^1 manifold", found.rate_ratio
+    else:
+        return condition
+    return replace(condition, value=value, requirement=needed, holds=True, is_proved=True)

@@ -159,11 +159,14 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 
 
 def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
+    found = analysis.hyperbolicity
     return Markup(
-        "Distance of such runs to the slow manifold in fast time. The slope of the dashed line is the gap, {}, the "
-        "slowest rate at the samples. No run may fall more slowly. Distances in the grey zone are below the "
-        "accuracy of the series and the runs."
-    ).format(number(analysis.hyperbolicity.gap))
+        "Distance of such runs to the slow manifold in fast time. The slope of the dashed line is {}, {}. No run may "
+        "fall more slowly. Distances in the grey zone are below the accuracy of the series and the runs."
+    ).format(
+        number(found.gap, bound=at_least) if found.is_proved else number(found.gap),
+        "the gap that is proved" if found.is_proved else "the gap, the slowest rate at the samples",
+    )
 
 
 def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -180,7 +183,7 @@ def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
             "Real parts of the fast eigenvalues over the region, in fast time. A ring marks where a condition fails: "
             "at {}."
         ).format(at)
-    half = number(found.known_gap, bound=at_least) if found.is_proved else number(found.gap)
+    half = number(found.gap, bound=at_least) if found.is_proved else number(found.gap)
     who, where = ("None", "throughout") if found.is_proved else ("At the samples none", "there")
     return Markup(
         "Real parts of the fast eigenvalues over the region, in fast time. {} enters the strip of half-width {}, "

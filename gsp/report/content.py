@@ -99,7 +99,17 @@ def _raw(analysis: Analysis) -> dict[str, Any] | None:
 
 def hyperbolicity_as_json(found: Hyperbolicity, *, epsilon: float | None = None) -> dict[str, Any]:
     """A verdict in plain values; with `epsilon` its rates hold the r of r-normal hyperbolicity there."""
-    names = ("kind", "gap", "conditions", "losses", "looked_at", "notes", "evidence", "exclusion")
+    names = (
+        "kind",
+        "gap",
+        "sampled_gap",
+        "conditions",
+        "losses",
+        "looked_at",
+        "notes",
+        "evidence",
+        "exclusion",
+    )
     content = {name: getattr(found, name) for name in names} | {
         "rates": plain(found.rates) | {"r": None if epsilon is None else found.rates.r(epsilon)},
         "holds_for": None if found.sub_region is None else found.sub_region.region,

@@ -210,12 +210,12 @@ class Page(Setting):
     def gap(self) -> Markup:
         """The least |Re lambda| that is proved, else that at the samples."""
         found = self.analysis.hyperbolicity
-        sampled = number(found.gap, 4)
+        sampled = number(found.sampled_gap, 4)
         if found.certificate is None or not found.is_proved:
             return Markup("{} in fast time").format(sampled)
         count = len(found.certificate.boxes)
         boxes = "1 box" if count == 1 else f"{count} boxes"
-        least = number(found.known_gap, 4, bound=at_least)
+        least = number(found.gap, 4, bound=at_least)
         return Markup("at least {} in fast time, proved in {}; {} at the samples").format(least, boxes, sampled)
 
     def is_proved(self) -> bool:

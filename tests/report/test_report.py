@@ -90,7 +90,7 @@ def test_json_is_strict_and_complete(written, sleigh):
     assert content["fast"] == ["w"]
     assert content["hyperbolicity"]["kind"] == "attracting"
     assert content["hyperbolicity"]["gap"] == pytest.approx(1.04)
-    assert {"name", "statement", "value", "requirement", "holds"} == set(
+    assert {"name", "statement", "value", "requirement", "holds", "is_proved"} == set(
         content["hyperbolicity"]["conditions"][0]
     )
     assert content["comparison"] == sleigh.comparison.as_json()
