@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from gsp.analysis.analysis import analyse
+from gsp.choice.choice import choose
+from gsp.choice.verdict import Answer
 from gsp.errors import GspError
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.scenes.study import study_of
@@ -143,3 +145,13 @@ def test_one_machine_and_one_oscillator_are_judged_alike_in_all_units(name: str)
     assert found.holds
     assert found.rates.r(study.scene.epsilon) == pytest.approx(REFERENCE[name], rel=1e-3)
     assert not re.search("falls short", str(found))
+
+
+@pytest.mark.exhaustive
+def test_one_machine_may_be_reduced_in_all_units_or_in_none() -> None:
+    """Its angular velocity is per unit, in rad/s, and balanced; the model taken is the solved manifold."""
+    found = [choose(scene(name)) for name in ("swing", "swing_rad", "swing_bal")]
+    assert {each.verdict.answer for each in found} <= {Answer.YES, Answer.AS_FAST, Answer.NO_GAIN}
+    assert {each.model.label for each in found} == {found[0].model.label}
+    predicted = [each.model.predicted for each in found]
+    assert max(predicted) < 2.0 * min(predicted)
