@@ -432,6 +432,26 @@ def test_names_and_texts_of_a_model_are_inert(opened) -> None:
     assert page.requests() == []
 
 
+@pytest.mark.exhaustive
+def test_a_page_says_that_it_does_not_draw_a_manifold_whose_equation_is_solved_for_nothing(
+    page, tmp_path
+) -> None:
+    x, y, eps = sp.symbols("x y epsilon")
+    told = {}
+    for name, rate in (("solved", x - y), ("not", x - 2 * y - sp.tanh(y) + x * sp.exp(y) / 9)):
+        scene = gsp.Scene(
+            gsp.SlowFastSystem(slow={x: -x}, fast={y: rate}, epsilon=eps),
+            {"x": (0, 1)},
+            {"x": 1, "y": 0},
+            (0, 3),
+            0.02,
+        )
+        page.open(gsp.write_demo(scene, tmp_path / f"{name}.html"))
+        told[name] = page.run("return document.body.innerText;")
+    assert "is not drawn" in told["not"]
+    assert "is not drawn" not in told["solved"]
+
+
 def test_a_reduced_run_that_is_quick_at_first_is_drawn_on_its_manifold(page, tmp_path) -> None:
     """Its whole drop from x = 16 takes 1/500 of the span, and its points are evenly spaced in time otherwise."""
     x, y, eps = sp.symbols("x y epsilon")

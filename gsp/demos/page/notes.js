@@ -55,7 +55,10 @@ function notes() {
     return found;
   }
   if (current.stepped) found.push(...told(s, current.stepped));
-  const { order, label } = model.seriesAt(s);
+  const { order, label, coordinates } = model.seriesAt(s);
+  if (model.reduction.slow.length === 1 && coordinates.length > 1) {
+    found.push("The critical manifold is not drawn, for its equation is solved for none of its variables. A report draws it.");
+  }
   if (order < 3) {
     const where = model.reduction.declared > order ? ` away from the declared parameters; there through order ${model.reduction.declared}` : "";
     found.push(`The reduction is known through order ${order}${where}: ${model.reduction[`ended${label}`]}.`);
