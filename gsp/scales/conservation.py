@@ -94,7 +94,7 @@ def conserved_by(flow: Flow, epsilon: float | None = None) -> tuple[Coordinates,
     laws = []
     for row, first in zip(rows, bound):
         law = sp.Add(*[rational(entry) * state for entry, state in zip(row, flow.states) if entry != 0])
-        if at:
+        if small is not None and at:
             # A state whose rate has a pole is epsilon times as much of the sum.
             powers = {z: (small / at[small]) ** pole_order(rate, small) for z, rate in zip(flow.states, named)}
             general = law.xreplace({z: power * z for z, power in powers.items()})
