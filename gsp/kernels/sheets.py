@@ -38,14 +38,14 @@ def _linearise(jacobian, p, z, flat, factors, pivots):
 
 
 @kernel
-def _euler(slow_jacobian, p, z, slow, way, pieces, factors, pivots, step):
-    """The change of y over one of the `pieces` of the `way` in x, by the slope at `z`, where g_y is factorised."""
+def _euler(slow_jacobian, p, z, slow, way, factors, pivots, step):
+    """The change of y along the `way` in x, by the slope at `z`, where g_y is factorised."""
     m = way.shape[0]
     call(slow_jacobian, 0.0, z, p, slow)
     for i in range(step.shape[0]):
         step[i] = 0.0
         for j in range(m):
-            step[i] -= slow[i * m + j] * way[j] / pieces
+            step[i] -= slow[i * m + j] * way[j]
     solve(factors, pivots, step)
 
 
@@ -74,18 +74,18 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
     # Entry by entry: numba's own assignment compiles, for 2 s, the message that shapes do not fit.
     for i in range(m):
         z[i] = x[i]
-        way[i] = target[i] - x[i]
+        way[i] = (target[i] - x[i]) / pieces
     for i in range(n):
         z[m + i] = y[i]
     orientation = _linearise(jacobian, p, z, flat, factors, pivots)
     if orientation == 0.0:
         return False
-    _euler(slow_jacobian, p, z, slow, way, pieces, factors, pivots, step)
+    _euler(slow_jacobian, p, z, slow, way, factors, pivots, step)
+    length = norm(way)
     for piece in range(pieces):
-        length = norm(way) / pieces
         moved = norm(step) + length
         for j in range(m):
-            z[j] = target[j] if piece == pieces - 1 else x[j] + (piece + 1) * way[j] / pieces
+            z[j] = target[j] if piece == pieces - 1 else x[j] + (piece + 1) * way[j]
         for i in range(n):
             change[i] = step[i]
             z[m + i] += step[i]
@@ -118,7 +118,7 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
         if _linearise(jacobian, p, z, flat, factors, pivots) != orientation:
             return False
         # With the mean of the slopes at both ends the step is of second order.
-        _euler(slow_jacobian, p, z, slow, way, pieces, factors, pivots, step)
+        _euler(slow_jacobian, p, z, slow, way, factors, pivots, step)
         for i in range(n):
             predicted[i] -= (step[i] - change[i]) / 2.0
         if not norm(predicted) <= TRUSTED**2 * (norm(step) + length) + rounding:

@@ -151,8 +151,14 @@ VERDICTS = {
         "entry-exit function",
     ),
     "a pair that jumps": (
-        lambda: told.hopf({"crossing": 1.0, "l1": 0.0}),
+        lambda: told.hopf({"crossing": 1.0, "l1": 1.0}),
         "large oscillations",
+        False,
+        "entry-exit",
+    ),
+    "a pair that higher terms decide": (
+        lambda: told.hopf({"crossing": 1.0, "l1": 0.0}),
+        "higher terms",
         False,
         "entry-exit",
     ),
