@@ -35,12 +35,12 @@ function sampleAt(model, times, p, at) {
   return { t: Float64Array.from(times), q };
 }
 
-// Times of a picture with those of a run's steps, each divided, among them: a run may turn within a step of the picture.
+// Times of a picture with those of a run's steps that are far shorter: a run may turn within a step of the picture.
 function withSteps(times, nodes) {
   const steps = Float64Array.from(nodes).sort();
-  const parts = Math.max(1, Math.min(4, Math.floor(DRAWN / steps.length)));
+  const longest = Math.abs(times[1] - times[0]);
   const between = Array.from(steps.subarray(1)).flatMap((end, i) =>
-    Array.from({ length: parts }, (_, j) => steps[i] + ((end - steps[i]) * j) / parts),
+    8 * (end - steps[i]) < longest ? [steps[i], (steps[i] + end) / 2, end] : [],
   );
   return Array.from(new Set([...times, ...between])).sort((a, b) => a - b);
 }
@@ -54,7 +54,7 @@ function sampleAll(model, result, s, stepped = null) {
   for (const [piece, { runs }] of result.pieces.entries()) {
     for (const run of runs) {
       if (run.status === "no sheet") continue;
-      const count = Math.ceil(DRAWN / 3 / result.pieces.length) + 20;
+      const count = Math.ceil(DRAWN / 4 / result.pieces.length) + 10;
       const even = Array.from({ length: count + 1 }, (_, i) => run.first + ((run.ended - run.first) * i) / count);
       const times = withSteps(even, run.nodes);
       // The last time before the series no longer falls, from where on the run is not drawn.

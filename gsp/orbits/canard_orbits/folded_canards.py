@@ -335,19 +335,22 @@ class _Finder:
     def _is_innermost(self, solved: _SolvedCanard) -> bool:
         """Whether a canard is where the curves would cross next to their inner ends, and no secondary one before.
 
-        Straight on from their ends the curves meet nearer to it than to the farther end.
+        It is at the ends, or straight on from them the curves meet nearer to it than the ways there are long.
         """
+        here = solved.state[self.columns] / self.scale
         ends = [sheet.ends[0] / self.scale for sheet in self.sheets]
-        ways = [sheet.slopes[0, 0] / self.scale for sheet in self.sheets if len(sheet.slopes)]
-        if len(ways) < 2:
+        if max(float(np.linalg.norm(end - here)) for end in ends) <= WEAK_DISTANCE:
+            return True
+        if not all(len(sheet.slopes) for sheet in self.sheets):
             return False
-        ways = [way / np.linalg.norm(way) for way in ways]
+        first, second = (
+            way / np.linalg.norm(way) for way in (s.slopes[0, 0] / self.scale for s in self.sheets)
+        )
         try:
-            steps = np.linalg.solve(np.stack([ways[0], -ways[1]], axis=1), ends[1] - ends[0])
+            steps = np.linalg.solve(np.stack([first, -second], axis=1), ends[1] - ends[0])
         except np.linalg.LinAlgError:
             return False
-        off = np.linalg.norm(ends[0] + steps[0] * ways[0] - solved.state[self.columns] / self.scale)
-        return bool(off <= max(np.abs(steps).max(), SAME))
+        return bool(np.linalg.norm(ends[0] + steps[0] * first - here) <= np.abs(steps).sum())
 
     def _is_at(self, solved: _SolvedCanard, innermost: SectionCrossing | None) -> bool:
         """Whether a canard is that of the innermost crossing, which curves that touch may have several of."""
