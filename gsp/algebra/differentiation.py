@@ -191,12 +191,11 @@ def bounded_product(expression: Any) -> Any:
     sinh(u)/cosh(u) becomes tanh(u), and exp(u)/B with B = c + k exp(u) becomes 1/(k + c exp(-u)); both parts of each
     overflow where the quotient is finite. It is returned itself where there is none.
     """
-    powers = expression.as_powers_dict()
-    for base, exponent in list(powers.items()):
+    for base, exponent in [factor.as_base_exp() for factor in expression.args]:
         if not (exponent.is_Integer and exponent < 0):
             continue
         if isinstance(base, sp.cosh):
-            above = sp.sinh(base.args[0])
+            powers, above = expression.as_powers_dict(), sp.sinh(base.args[0])
             times = min(int(powers.get(above, 0)), -int(exponent)) if above in powers else 0
             if times > 0:
                 expression = expression / above**times * base**times * sp.tanh(base.args[0]) ** times

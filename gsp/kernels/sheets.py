@@ -14,7 +14,7 @@ from gsp.kernels.uncounted import uncounted
 
 # A correction this share of the step before it may lead to another sheet, and so may one of this share squared after a
 # step of second order: of 6,438 points over sheets with many folds 16 were another sheet's, 733 at 0.25 without the
-# second test, and 1 at 0.1, for twice as many corrections. Below this share of 1 + |y| it is rounding.
+# second test, and 1 at 0.1, for half as many corrections again. Below this share of 1 + |y| it is rounding.
 TRUSTED, ROUNDING = 0.2, 1e-9
 
 

@@ -13,6 +13,7 @@ from gsp.charts.orbits import shrinks_in_proportion
 from gsp.comparison.survey import HORIZON
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
 from gsp.hyperbolicity.samples import Kind
 from gsp.report.wording import number, span
 from gsp.results.bounds import at_least
@@ -164,9 +165,12 @@ def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
         "Distance of such runs to the slow manifold in fast time. The slope of the dashed line is {}, {}. No run may "
         "fall more slowly. Distances in the grey zone are below the accuracy of the series and the runs."
     ).format(
-        number(found.gap, bound=at_least) if found.is_proved else number(found.gap),
-        "the gap that is proved" if found.is_proved else "the gap, the slowest rate at the samples",
+        _gap(found), "the gap that is proved" if found.is_proved else "the gap, the slowest rate at the samples"
     )
+
+
+def _gap(found: Hyperbolicity) -> Markup:
+    return number(found.gap, bound=at_least) if found.is_proved else number(found.gap)
 
 
 def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -183,7 +187,7 @@ def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
             "Real parts of the fast eigenvalues over the region, in fast time. A ring marks where a condition fails: "
             "at {}."
         ).format(at)
-    half = number(found.gap, bound=at_least) if found.is_proved else number(found.gap)
+    half = _gap(found)
     who, where = ("None", "throughout") if found.is_proved else ("At the samples none", "there")
     return Markup(
         "Real parts of the fast eigenvalues over the region, in fast time. {} enters the strip of half-width {}, "

@@ -91,12 +91,14 @@ def conserved_by(flow: Flow, epsilon: float | None = None) -> tuple[Coordinates,
     embedding = np.zeros((n, n - m))
     embedding[free, np.arange(n - m)] = 1.0
     embedding[bound] = -matrix[:, free]
+    # A state whose rate has a pole is epsilon times as much of a sum.
+    powers: dict[sp.Symbol, sp.Expr] = {}
+    if small is not None and at:
+        powers = {z: (small / at[small]) ** pole_order(rate, small) for z, rate in zip(flow.states, named)}
     laws = []
     for row, first in zip(rows, bound):
         law = sp.Add(*[rational(entry) * state for entry, state in zip(row, flow.states) if entry != 0])
-        if small is not None and at:
-            # A state whose rate has a pole is epsilon times as much of the sum.
-            powers = {z: (small / at[small]) ** pole_order(rate, small) for z, rate in zip(flow.states, named)}
+        if powers:
             general = law.xreplace({z: power * z for z, power in powers.items()})
             general = sp.expand_mul(general / general.coeff(flow.states[first]))
             law = general if is_conserved(general, flow.states, named) else law

@@ -27,7 +27,7 @@ def folded(seed: int) -> sp.Expr:
 
 
 def test_a_sheet_ends_at_its_folds_and_hardly_a_point_of_another_is_returned() -> None:
-    """Steps that are checked at both ends only may land on another sheet: one in nine did before they were at both."""
+    """Checked at both of its ends a step may still land on another sheet; checked at one, one in nine did."""
     beyond = taken = 0
     for seed in range(12):
         curve = folded(seed)

@@ -7,10 +7,12 @@ import pytest
 import sympy as sp
 
 from gsp.algebra import factorisation
+from gsp.algebra.differentiation import derivative
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.hyperbolicity.losses.poles import denominators
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.system import SlowFastSystem
 from tests.cases import crossed, thinned
 
@@ -69,6 +71,25 @@ def test_a_steep_gate_of_plain_numbers_holds(steep, power) -> None:
     found = judge(1 + gate, {"x": (0, 1)}, {})
     assert found.kind is Kind.ATTRACTING, found
     assert found.holds, found
+
+
+@pytest.mark.parametrize("part", DIPS.values(), ids=DIPS)
+def test_slopes_that_do_not_overflow_are_those_that_are_written(part) -> None:
+    for expression in (derivative(part, x), derivative(derivative(part, x), x)):
+        compiled = compile_function([expression], arguments=[x], parameters=[a, w])
+        for at in (-0.4, 0.29, 0.3, 0.37, 1.2):
+            exact = expression.subs({a: Q(3, 10), w: Q(1, 10), x: Q(str(at))})
+            assert compiled([at], [np.nan, 0.3, 0.1])[0] == pytest.approx(float(exact), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("steep", [1000, 2000, -30000])
+@pytest.mark.parametrize("power", [1, 2])
+def test_slopes_of_a_steep_gate_have_all_digits(steep, power) -> None:
+    slope = derivative((1 + sp.exp(-steep * (x - Q(1, 2)))) ** -power, x)
+    compiled = compile_function([slope], arguments=[x])
+    for at in (Q(1, 20), Q(49, 100), Q(51, 100), Q(19, 20)):
+        exact = sp.N(slope.subs(x, at), 30)
+        assert compiled([float(at)], [np.nan])[0] == pytest.approx(float(exact), rel=1e-9, abs=1e-300)
 
 
 @pytest.mark.exhaustive

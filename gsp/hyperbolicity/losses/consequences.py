@@ -154,7 +154,8 @@ def hopf(coefficients: Mapping[str, float]) -> LossConsequence:
     """A Hopf point of the layer problem, by the speed of its pair along the slow flow."""
     crossing, l1 = coefficients.get("crossing", 0.0), coefficients["l1"]
     after = "small cycles of the layer problem" if l1 < 0.0 else "a jump to large oscillations"
-    after = after if l1 else "what higher terms decide"
+    if l1 == 0.0:
+        after = "what higher terms decide"
     if crossing == 0.0:
         return LossConsequence("the pair does not cross along the slow flow", False, "move the region off it")
     if crossing < 0.0:

@@ -123,9 +123,9 @@ class CanardOrbits(Drawn, Tabular):
         ended = any(sheet.inner is SheetEnd.PASSED for sheet in (self.attracting, self.repelling))
         if turning and ended and not any(c.kind is CanardKind.WEAK for c in self.canards):
             text += (
-                "; the curves do not cross at gamma_w before they end, where the slow flow runs along a line: "
+                "; the curves do not cross at gamma_w before they end, where the slow flow runs along a line"
             )
-            text += f"lines in {self.section[0]} may reach it"
+            text += f": lines in {self.section[0]} may reach it"
         if self.touching:
             text += "; the curves touch at gamma_w, as for whole 1/mu: its place is known to the root of rounding only"
         if self.exhausted:
