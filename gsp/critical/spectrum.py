@@ -32,12 +32,16 @@ def eigenvalues(matrices: np.ndarray) -> np.ndarray:
     if n < 2 or not len(matrices):
         return values
     unit = ROUNDING * n * np.finfo(float).eps
-    sizes = np.linalg.norm(matrices, axis=(1, 2))
-    least = np.abs(values).min(axis=1)
+    # In units of the largest entry, for squares of what a run near its blow-up holds overflow.
+    largest = np.abs(matrices).max(axis=(1, 2))
+    largest[largest == 0.0] = 1.0
+    scaled = matrices / largest[:, np.newaxis, np.newaxis]
+    sizes = np.linalg.norm(scaled, axis=(1, 2))
+    least = np.abs(values).min(axis=1) / largest
     # Elsner's bound: no eigenvalue is farther off than this, whatever the matrix (Stewart and Sun 1990, IV.1.3).
     farthest = 2.0 * sizes * unit ** (1.0 / n)
     for i in np.flatnonzero((farthest > CERTAIN * least) & (n <= LARGEST)):
-        if _error(matrices[i], unit * sizes[i]) > CERTAIN:
+        if _error(scaled[i], unit * sizes[i]) > CERTAIN:
             values[i] = characteristic_roots(matrices[i])
     return values
 

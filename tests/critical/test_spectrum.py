@@ -142,3 +142,13 @@ def test_what_no_units_make_symmetric_keeps_its_complex_eigenvalues() -> None:
         turns = np.exp(2j * np.pi * np.arange(n) / n)
         exact = matrix[0, 1] * turns + matrix[1, 0] / turns
         assert max(np.abs(found - e).min() for e in exact) < 1e-12
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-160, 1e160, 1e200])
+def test_eigenvalues_of_matrices_whose_squares_leave_the_doubles(scale: float) -> None:
+    jordan = np.array([[3.0, 1.0, 0.0], [0.0, 3.0, 1.0], [0.0, 0.0, 3.0]])
+    zero = np.zeros((3, 3))
+    found = eigenvalues(np.stack([scale * jordan, scale * np.diag([1.0, 2.0, 4.0]), zero]))
+    np.testing.assert_allclose(found[0] / scale, 3.0, rtol=1e-6)
+    np.testing.assert_allclose(np.sort(found[1].real / scale), [1.0, 2.0, 4.0], rtol=1e-12)
+    np.testing.assert_array_equal(found[2], 0.0)
