@@ -220,6 +220,31 @@ def test_a_secondary_canard_is_not_called_weak_where_the_curves_end_before_that(
 
 
 @pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("end", "mixing", "small", "strong"),
+    [
+        (sp.Rational(-1, 2), "3/20", 0.003, 0.0035540816),
+        pytest.param(sp.Rational(3, 2), "3/20", 0.003, -0.0011773654, marks=pytest.mark.exhaustive),
+        pytest.param(sp.Rational(1, 2), "1/8", 0.003, -0.0033986772, marks=pytest.mark.exhaustive),
+        pytest.param(sp.Rational(-1, 5), "1/8", 0.003, 0.0089099535, marks=pytest.mark.exhaustive),
+        pytest.param(sp.Rational(4, 5), "1/8", 0.01, -0.0070982743, marks=pytest.mark.exhaustive),
+    ],
+)
+def test_where_another_folded_point_bounds_the_funnel_the_strong_canard_is_named_once_and_no_other_is_claimed(
+    end: sp.Rational, mixing: str, small: float, strong: float
+) -> None:
+    # A folded saddle at z = `end`: one curve unwinds beyond it, and passes where it came from.
+    system = gsp.SlowFastSystem(
+        slow={x: sp.Rational(mixing) * z * (1 - z / end) - sp.Rational(13, 10) * y, z: 1},
+        fast={y: x + y**2},
+        epsilon=epsilon,
+    )
+    found = gsp.folded_canards(node(system, x=(-1, 1), z=(-0.1, 0.1), y=(-1, 1)), epsilon=small)
+    assert [c.name for c in found.canards] == ["gamma_0"]
+    assert found["gamma_0"].point["y"] == pytest.approx(strong, abs=1e-9)
+    assert "beyond the ends of the curves" in found.message
+
+
 def test_a_change_of_variables_changes_nothing() -> None:
     # u = 2 x + z, w = z - 3 x and the fast variable -4 y; the same canards take the same time.
     u, w, f = sp.symbols("u w f")

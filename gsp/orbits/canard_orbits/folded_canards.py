@@ -40,6 +40,8 @@ State = Mapping[str, float] | Mapping[sp.Symbol, float]
 WEAK_DISTANCE, WEAK_REACH = 1e-5, 2.0
 # Two crossings this near each other, in local units, are one to rounding.
 SAME = 1e-7
+# Ends of curves beyond the weak canard, and of those that leave without having come to it.
+BEYOND, AWAY = {SheetEnd.PASSED, SheetEnd.TURNED}, {SheetEnd.WINDOW, SheetEnd.LINE}
 # Elements of all Newton steps for the crossings, at most; 31 crossings at 28 canards take 120 000.
 WORK = 500_000
 
@@ -100,13 +102,15 @@ class CanardOrbits(Drawn, Tabular):
         text = f"{usual} of {self.expected + 1} canards that turn"
         epsilon = f"{self.system.epsilon} = {self.epsilon:g}"
         found = [c.index for c in turning if c.index is not None]
+        is_weak_known = any(c.kind is CanardKind.WEAK for c in self.canards)
         outer = [k for k in range(min(found, default=self.expected + 1)) if k <= self.expected]
         if outer:
             text += f"; {_names(outer)} do{'es' * (len(outer) == 1)} not cross the section at {epsilon}"
             text += " between the lines, or only outside the window"
         inner = list(range(max(found, default=self.expected) + 1, self.expected + 1))
         if inner:
-            text += f"; {_names(inner)}: within rounding of the weak canard, or none at {epsilon}"
+            where = "within rounding of the weak canard" if is_weak_known else "beyond the ends of the curves"
+            text += f"; {_names(inner)}: {where}, or none at {epsilon}"
         between = [k for k in range(min(found, default=0), max(found, default=0)) if k not in found]
         if between:
             text += f"; {', '.join(map(_name, between))}: no crossing was found between their neighbours"
@@ -120,12 +124,11 @@ class CanardOrbits(Drawn, Tabular):
             )
         if self.unresolved:
             text += f"; {self.unresolved} more crossing{'s' * (self.unresolved > 1)} within rounding of the weak canard"
-        ended = any(sheet.inner is SheetEnd.PASSED for sheet in (self.attracting, self.repelling))
-        if turning and ended and not any(c.kind is CanardKind.WEAK for c in self.canards):
-            text += (
-                "; the curves do not cross at gamma_w before they end, where the slow flow runs along a line"
-            )
-            text += f": lines in {self.section[0]} may reach it"
+        ends = {self.attracting.inner, self.repelling.inner}
+        if ends & (BEYOND | AWAY) and not is_weak_known:
+            text += "; the curves do not cross at gamma_w before they end"
+            if SheetEnd.PASSED in ends:
+                text += f", where the slow flow runs along a line: lines in {self.section[0]} may reach it"
         if self.touching:
             text += "; the curves touch at gamma_w, as for whole 1/mu: its place is known to the root of rounding only"
         if self.exhausted:
@@ -279,9 +282,11 @@ class _Finder:
             solved += [] if each is None else [each]
         axis, weak = self._axis(solved, None if self.exhausted else crossed[-1] if crossed else None)
         canards, index = [], -1
+        known = [] if weak is None else [weak]
         for each in solved:
-            if weak is not None and (each is weak or self._apart(each.state, weak.state) < SAME):
+            if any(self._apart(each.state, other.state) < SAME for other in known):
                 continue
+            known.append(each)
             turns = half_turns(each.orbit, each.share, axis, self.section, self.frame.width)
             if turns is None:
                 self.unresolved += 1
@@ -309,7 +314,7 @@ class _Finder:
         self, solved: list[_SolvedCanard], innermost: SectionCrossing | None
     ) -> tuple[tuple[OrbitSegment, OrbitSegment], _SolvedCanard | None]:
         """The weak canard up to the section and beyond: the innermost crossing, or the sheets' innermost orbits."""
-        passed = any(sheet.inner is SheetEnd.PASSED for sheet in self.sheets)
+        passed = any(sheet.inner in BEYOND for sheet in self.sheets)
         weak = self._touching(solved, innermost) if passed and innermost is not None else None
         if weak is not None:
             self.touching = True
@@ -320,7 +325,7 @@ class _Finder:
             # Interpolation error of the orbits that stand for the axis.
             inner.append(builder.polished(segment, precision=1e-10) or segment)
         axis = (inner[0], inner[1])
-        if not solved:
+        if not solved or any(sheet.inner in AWAY for sheet in self.sheets):
             return axis, None
         last = solved[-1]
         if passed and not (self._is_at(last, innermost) and self._is_innermost(last)):

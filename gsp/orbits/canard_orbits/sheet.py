@@ -37,6 +37,9 @@ RESOLUTION, STILL = 1e-8, 3
 # Segments a direction, and elements of all Newton steps a sheet, at most; 800 segments of a sheet that turns 27 times
 # take 330 000.
 SEGMENTS, WORK = 1500, 600_000
+# A curve that turns back by this angle, in radians, has its innermost orbit behind it: beyond the funnel, as where
+# another folded singularity bounds it, it unwinds.
+BACK = np.pi / 2.0
 # The curves turn by about 1 - mu between gamma_0 and gamma_w. Turns from one segment to the next are shorter by
 # SHARPER (1 - mu) where that is below one, down to FINEST.
 SHARPER, FINEST = 10.0, 0.1
@@ -64,6 +67,7 @@ class SheetEnd(CurveEnd):
     LINE = "its line meets the section"
     STILL = "it stands still, at the weak canard"
     PASSED = "it has passed the weak canard, and the slow flow runs along its line"
+    TURNED = "it has passed the weak canard, and turns back"
     SINGULAR = "its boundary-value problem is singular"
     STEPS = "its steps fell below rounding"
     SEGMENTS = "the allowed number of segments was used up"
@@ -180,6 +184,11 @@ class SheetBuilder(Tracer[_SheetNode]):
         )
         self.most = SEGMENTS
         self._inwards, self._still, self._allowed = False, 0, 0
+        # The angle by which the curve has turned in its own sense, its greatest value and the node that has it. Inwards
+        # the curve turns as M0 does at the fold, coming from its own sheet: g_yy > 0 makes that of the attracting one,
+        # g_y < 0, come with y growing.
+        self._sense = self.side * np.sign(frame.gradient(frame.point)[self.other])
+        self._turned, self._most_turned, self._innermost = 0.0, 0.0, 0
         # In the section the other slow variable varies as g does.
         across = frame.depth / abs(frame.gradient(frame.point)[self.other])
         scale = np.array([frame.unit, frame.unit, frame.width])
@@ -196,7 +205,11 @@ class SheetBuilder(Tracer[_SheetNode]):
                 f"no orbit from {self.start.in_words()} on the {self.start.kind} sheet meets the section near the "
                 f"folded node at {self.frame.system.epsilon} = {self.frame.epsilon:g}."
             )
-        inner, outer = self._trace(first, inwards=True), self._trace(first, inwards=False)
+        inner = self._trace(first, inwards=True)
+        if inner.ending is SheetEnd.TURNED:
+            # gamma_w may lie between the node that has turned most and the next.
+            del inner.nodes[self._innermost + 2 :], inner.lengths[self._innermost + 1 :]
+        outer = self._trace(first, inwards=False)
         segments = [node.segment for node in (*inner.nodes[:0:-1], *outer.nodes)]
         steps = [*inner.lengths[::-1], *outer.lengths]
         starts = [(-node.after, -node.before) for node in inner.nodes[:0:-1]]
@@ -309,6 +322,7 @@ class SheetBuilder(Tracer[_SheetNode]):
         if ((self.weights[:3] * away) @ node.normal[:3] > 0.0) != inwards:
             node = replace(node, normal=-node.normal, tangent=node.tangent.times(-1.0))
         self._inwards, self._still, self._allowed = inwards, 0, self.solver.work + WORK // 2
+        self._turned, self._most_turned, self._innermost = 0.0, 0.0, 0
         trace = Trace([node])
         self.follow(trace)
         return trace
@@ -363,9 +377,20 @@ class SheetBuilder(Tracer[_SheetNode]):
         moved = np.abs((self._free_end(taken) - self._free_end(here.segment))[[self.other, 2]]) / self.scale
         self._still = self._still + 1 if moved.max() < RESOLUTION else 0
         ending = self._ending(taken)
-        if self._inwards and ending is None and self._still >= STILL:
-            ending = SheetEnd.STILL
+        if self._inwards and ending is None:
+            if self._still >= STILL:
+                ending = SheetEnd.STILL
+            elif moved.max() >= RESOLUTION and self._turns_back(stride.node, len(trace.nodes)):
+                ending = SheetEnd.TURNED
         return Arrival([(stride.node, length)], ending)
+
+    def _turns_back(self, node: _SheetNode, number: int) -> bool:
+        """Whether the curve, with this node and its number, turns back by BACK."""
+        (u, v), (a, b) = node.before / self.scale, node.after / self.scale
+        self._turned += self._sense * float(np.arctan2(u * b - v * a, u * a + v * b))
+        if self._turned > self._most_turned:
+            self._most_turned, self._innermost = self._turned, number
+        return self._most_turned - self._turned >= BACK
 
     def _ending(self, orbit: OrbitSegment) -> SheetEnd | None:
         if abs(self._free_end(orbit)[2] - self.frame.point[2]) > WINDOW * self.frame.width:
