@@ -88,21 +88,35 @@ class Comparison(Drawn, Tabular):
 
     def _missing(self) -> list[str]:
         """Lines that say why errors or slopes are no numbers."""
-        ended: dict[Status, list[str]] = {}
+        ended: dict[Status, dict[str, list[int]]] = {}
         for n, statuses in self.statuses.items():
             for status in dict.fromkeys(s for s in statuses if not s.ok):
                 where = [f"{e:.3g}" for e, s in zip(self.epsilons, statuses) if s is status]
-                everywhere = len(where) == len(self.epsilons)
-                ended.setdefault(status, []).append(f"{n} at {'each' if everywhere else ', '.join(where)}")
-        lines = [f"  nan of order {'; '.join(w)}: a run ended early, {status}" for status, w in ended.items()]
+                places = "each" if len(where) == len(self.epsilons) else ", ".join(where)
+                ended.setdefault(status, {}).setdefault(places, []).append(n)
+        lines = []
+        for status, by_place in ended.items():
+            text = "; ".join(f"{_orders(orders)} at {places}" for places, orders in by_place.items())
+            lines.append(f"  nan of order {text}: a run ended early, {status}")
         without = [n for n in self.errors if not np.isfinite(self.slopes[n])]
-        if exact := [str(n) for n in without if self.is_exact(n)]:
-            lines.append(f"  no slope of order {', '.join(exact)}: the errors are within the reference's own")
-        if short := [str(n) for n in without if not self.is_exact(n)]:
+        if exact := [n for n in without if self.is_exact(n)]:
+            lines.append(f"  no slope of order {_orders(exact)}: the errors are within the reference's own")
+        if short := [n for n in without if not self.is_exact(n)]:
             lines.append(
-                f"  no slope of order {', '.join(short)}: fewer than two errors stand clear of the reference's"
+                f"  no slope of order {_orders(short)}: fewer than two errors stand clear of the reference's"
             )
         return lines
+
+
+def _orders(orders: list[int]) -> str:
+    """Ascending orders for a message, "0, 2, 4 to 9"."""
+    runs: list[list[int]] = []
+    for n in orders:
+        if runs and n == runs[-1][-1] + 1:
+            runs[-1].append(n)
+        else:
+            runs.append([n])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
 
 
 def compare(

@@ -232,3 +232,13 @@ def test_a_start_at_rest_is_compared_over_its_base_point() -> None:
     # What is exact over both is exact.
     exact = compare(models.load("linear"), orders=(0, 1))
     assert all(exact.is_exact(order) for order in (0, 1))
+
+
+def test_orders_without_a_number_are_told_as_ranges() -> None:
+    x, y, eps = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=eps)
+    scene = Scene(system, start={"x": 1, "y": 1}, span=(0, 1), epsilon=0.1, region={"x": (0, 1)})
+    lines = str(compare(scene, orders=range(12), epsilons=[0.2, 0.1])).splitlines()
+    told = " ".join(line for line in lines if "no slope of order" in line)
+    assert " to " in told
+    assert len(told) < 300

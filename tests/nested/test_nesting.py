@@ -356,7 +356,7 @@ def test_a_step_of_the_ladder_whose_start_leaves_the_domain_has_no_error_and_say
     assert measured.epsilons == (2, 1, 0.5, 0.25)
     assert [np.isnan(error) for error in measured.errors[1]] == [True, False, False, False]
     assert measured.statuses[1][0] is Status.SERIES_ENDS
-    assert "nan of order 0 at 2; 1 at 2" in str(measured)
+    assert "nan of order 0, 1 at 2:" in str(measured)
 
 
 def test_a_model_file_names_both_and_is_written_back(tmp_path: Path) -> None:
