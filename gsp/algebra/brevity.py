@@ -1,4 +1,4 @@
-"""Expressions and lists as a line of text can hold them."""
+"""Expressions and lists as a line of text can hold them, and the shorter of two forms of one expression."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import sympy as sp
 
+from gsp.algebra.factorisation import factored, lowest_terms
 from gsp.algebra.sharing import operations
 
 # Characters of an expression in a message.
@@ -28,6 +29,20 @@ def brief(expression: sp.Expr) -> str:
         return text
     last_space = text[:SHOWN].rfind(" ")
     return f"{text[: last_space if last_space > 0 else SHOWN]} ... ({size})"
+
+
+def in_lowest_terms(expression: sp.Expr) -> sp.Expr:
+    """`lowest_terms` where these are no longer than `expression`: long sums of powers cancel in doubles."""
+    return _shorter(lowest_terms(expression), expression)
+
+
+def in_factors(expression: sp.Expr) -> sp.Expr:
+    """`factored` where this is no longer than `expression`."""
+    return _shorter(factored(expression), expression)
+
+
+def _shorter(form: sp.Expr, given: sp.Expr) -> sp.Expr:
+    return form if operations([form]) <= operations([given]) else given
 
 
 def brief_list(expressions: Iterable[sp.Expr]) -> str:

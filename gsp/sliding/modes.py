@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.factorisation import factored, lowest_terms
+from gsp.algebra.brevity import in_factors, in_lowest_terms
 from gsp.algebra.sharing import size
 from gsp.integration.events import Event
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_over
 from gsp.sliding.crossing_field import CrossingField
-from gsp.splitting.fast_part import inverse
+from gsp.splitting.fast_part import adjugate_and_determinant
 from gsp.systems.declaration import exact
 from gsp.systems.system import VectorField
 
@@ -50,9 +50,10 @@ class SwitchMode:
             return {}, sp.S.One
         G = sp.Matrix([[field.rate_of(field.surfaces[c], field.jumps[d]) for d in stuck] for c in stuck])
         b = sp.Matrix([field.rate_of(field.surfaces[c], self._free) for c in stuck])
-        D = (-1) ** len(stuck) * G.det(method="berkowitz")
-        phi = -inverse(G) * b
-        return {c: lowest_terms(entry * D) for c, entry in zip(stuck, phi)}, lowest_terms(D)
+        adjugate, determinant = adjugate_and_determinant(G)
+        sign = (-1) ** len(stuck)
+        phi = {c: in_lowest_terms(value) for c, value in zip(stuck, -sign * adjugate * b)}
+        return phi, in_lowest_terms(sign * determinant)
 
     @cached_property
     def _free(self) -> dict[sp.Symbol, sp.Expr]:
@@ -71,7 +72,7 @@ class SwitchMode:
             return self._free
         jumps = self.field.jumps
         return {
-            z: factored((rate * D + sp.Add(*(value * jumps[c][z] for c, value in phi.items()))) / D)
+            z: in_factors((rate * D + sp.Add(*(value * jumps[c][z] for c, value in phi.items()))) / D)
             for z, rate in self._free.items()
         }
 
@@ -125,6 +126,9 @@ class SwitchMode:
 
     def goes_on(self, state: np.ndarray, among: set[int]) -> bool:
         """Whether a run on the surfaces `among` can go on in this mode from `state`."""
+        if self._solved[1] == 0:
+            # No phi moves the surfaces that it slides on apart from one another: nothing holds a run on all of them.
+            return False
         values = self._tests(state, compile_flow(self.flow).constants)
         if not values[0] > 0.0:
             return False

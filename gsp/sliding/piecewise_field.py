@@ -18,8 +18,9 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.algebra.brevity import brief, in_factors, in_lowest_terms
 from gsp.algebra.differentiation import derivative
-from gsp.algebra.factorisation import factored, lowest_terms
+from gsp.algebra.factorisation import lowest_terms
 from gsp.errors import DeclarationError
 from gsp.results.card import Card
 from gsp.sliding.crossing_field import CrossingField
@@ -106,15 +107,27 @@ class PiecewiseField(Card):
     def share(self) -> sp.Expr:
         """c of (1): from -1, where X- alone stays on the surface, to 1, where X+ does."""
         above, below = self.normal_rates
-        return lowest_terms((below + above) / (below - above))
+        return in_lowest_terms((below + above) / self._closing)
 
     @cached_property
     def sliding(self) -> VectorField:
         """X_s of (1), tangent to the surface; it slides where Y+ < 0 < Y-."""
         above, below = self.normal_rates
+        closing = self._closing
         return self.flow(
-            {z: factored((below * self.plus[z] - above * self.minus[z]) / (below - above)) for z in self.plus}
+            {z: in_factors((below * self.plus[z] - above * self.minus[z]) / closing) for z in self.plus}
         )
+
+    @property
+    def _closing(self) -> sp.Expr:
+        """Y- - Y+, by which the two fields lead to the surface together."""
+        above, below = self.normal_rates
+        if lowest_terms(below - above) == 0:
+            raise DeclarationError(
+                f"both fields cross the surface at the same rate, {brief(above)}, so that no run slides on it.",
+                "Run the field with run_piecewise.",
+            )
+        return below - above
 
     def rate_of(self, expression: sp.Expr, rates: Values) -> sp.Expr:
         """The rate of an expression in the states along a field."""

@@ -134,10 +134,15 @@ def _by_elimination(matrix: sp.Matrix) -> sp.Matrix:
 
 
 def _by_cofactors(matrix: sp.Matrix) -> sp.Matrix:
+    adjugate, determinant = adjugate_and_determinant(matrix)
+    return adjugate.applyfunc(lambda cofactor: cofactor / determinant)
+
+
+def adjugate_and_determinant(matrix: sp.Matrix) -> tuple[sp.Matrix, sp.Expr]:
+    """The inverse times the determinant, and the determinant, by cofactors: sums of products, with no quotient."""
     n = matrix.rows
-    cofactors = sp.Matrix(n, n, lambda i, j: (-1) ** (i + j) * _determinant(matrix.minor_submatrix(j, i)))
-    determinant = sp.Add(*[matrix[0, j] * cofactors[j, 0] for j in range(n)])
-    return cofactors.applyfunc(lambda cofactor: cofactor / determinant)
+    adjugate = sp.Matrix(n, n, lambda i, j: (-1) ** (i + j) * _determinant(matrix.minor_submatrix(j, i)))
+    return adjugate, sp.Add(*[matrix[0, j] * adjugate[j, 0] for j in range(n)])
 
 
 def _determinant(matrix: sp.Matrix) -> sp.Expr:

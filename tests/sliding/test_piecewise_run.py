@@ -49,6 +49,27 @@ def test_the_belt_with_an_overshooting_law_sticks_and_slips_with_the_limit_perio
     assert np.diff(run.changes[::2]) == pytest.approx(period, abs=1e-9)
 
 
+def test_a_relay_that_acts_through_a_second_state_crosses_and_never_slides() -> None:
+    """x'' = -sign(x) from rest at 1: parabolas, with x = 0 at the times (2 k + 1) sqrt(2)."""
+    relay = PiecewiseField({x: y, y: -1}, {x: y, y: 1}, x)
+    run = run_piecewise(relay, start={"x": 1, "y": 0}, span=(0, 10))
+    assert sides(run) == [Side.PLUS, Side.MINUS, Side.PLUS, Side.MINUS, Side.PLUS]
+    assert run.changes == pytest.approx(np.sqrt(2) * np.array([1, 3, 5, 7]), abs=1e-9)
+    assert "two-fold" in run_piecewise(relay, start={"x": 0, "y": 0}, span=(0, 1)).message
+    for answer in ("sliding", "share"):
+        with pytest.raises(DeclarationError, match="at the same rate, y, so that no run slides"):
+            getattr(relay, answer)
+
+
+def test_a_narrow_and_steep_feature_is_crossed_where_both_fields_lead_down() -> None:
+    """y = 1 - 2/(1 + u^2) with u = 100 (x - sqrt(2)) falls through 0 at u = -1, at the rate -100; below it is -5."""
+    height = 1 - 2 / (1 + (100 * (x - sp.sqrt(2))) ** 2)
+    field = PiecewiseField({x: 1, y: sp.diff(height, x)}, {x: 1, y: -5}, y)
+    run = run_piecewise(field, start={"x": 0, "y": height.subs(x, 0)}, span=(0, 3))
+    assert sides(run) == [Side.PLUS, Side.MINUS]
+    assert run.changes == pytest.approx((np.sqrt(2) - 0.01,), abs=1e-9)
+
+
 def test_rates_that_are_exponentials_slide_and_leave() -> None:
     """Y+ = -exp(-x) < 0 < Y- = exp(x) - 2 from x = ln 2 on, leaving where X- turns away."""
     field = PiecewiseField({x: -1, y: -sp.exp(-x)}, {x: -1, y: sp.exp(x) - 2}, y)
