@@ -13,6 +13,7 @@ from enum import StrEnum
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.brevity import listed
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.sharing import size
 from gsp.critical.loss_kind import LossKind
@@ -145,7 +146,7 @@ def run_piecewise(
         )
         t, state = float(run.t[-1]), run.y[:, -1].copy()
         if run.status is not Status.EVENT_REACHED or t >= last:
-            why, loss = Reason(run.message), None
+            why, loss = _ended(run, pieces, last), None
         else:
             met = {name for name, crossings in run.events.items() if len(crossings.times)}
             among = {*mode.stuck, *(int(name.split()[0]) for name in met if name != "both")}
@@ -161,6 +162,17 @@ def run_piecewise(
             _undecided(found) if len(found) != 1 else Reason(f"{max_pieces} pieces; raise max_pieces to go on")
         )
     return PiecewiseRun(field, law, tuple(pieces), why)
+
+
+def _ended(run: Trajectory, before: list[Piece], last: float) -> Reason:
+    """How a run ended with this piece: at the end of its span, or since the piece failed."""
+    count = len(before) + 1
+    if not run.status.ok and run.t[-1] < last:
+        return Reason(f"piece {count} {run.message}")
+    steps = run.stats.steps + sum(piece.run.stats.steps for piece in before)
+    ways = [f"{n} {word}" + ("" if n == 1 else "s") for n, word in ((count, "piece"), (steps, "step"))]
+    where = listed([f"t = {run.t[-1]:.6g}", *(f"{s.name} = {run[s.name][-1]:.6g}" for s in run.flow.states)])
+    return Reason(f"reached the end after {' and '.join(ways)}: {where}")
 
 
 _SIDES = {1: Side.PLUS, -1: Side.MINUS, 0: Side.SLIDING}

@@ -34,6 +34,8 @@ def test_a_run_crosses_slides_and_leaves() -> None:
     assert run.changes == pytest.approx((1.0, 3.0), abs=1e-10)
     assert [piece.loss for piece in run.pieces] == [None, LossKind.VISIBLE_FOLD, None]
     assert (run["x"][-1], run["y"][-1]) == pytest.approx((1.0, 0.5), abs=1e-9)
+    steps = sum(piece.run.stats.steps for piece in run.pieces)
+    assert f"3 pieces and {steps} steps: t = 4, x = 1" in run.message
     crossing = run_piecewise(fold, start={"x": 1, "y": -1}, span=(0, 2))
     assert sides(crossing) == [Side.MINUS, Side.PLUS]
     assert crossing["y"][-1] == pytest.approx((9 - 4) / 2, abs=1e-9)
@@ -59,6 +61,13 @@ def test_a_relay_that_acts_through_a_second_state_crosses_and_never_slides() -> 
     for answer in ("sliding", "share"):
         with pytest.raises(DeclarationError, match="at the same rate, y, so that no run slides"):
             getattr(relay, answer)
+
+
+def test_a_piece_that_fails_says_which_it_is() -> None:
+    """Below y = 0 the state x blows up, x = 1/(2 - t) from x = 1 at t = 1."""
+    run = run_piecewise(PiecewiseField({x: 0, y: -1}, {x: x**2, y: -1}, y), start={"x": 1, "y": 1}, span=(0, 3))
+    assert run.t[-1] == pytest.approx(2, abs=1e-9)
+    assert run.message.startswith("piece 2 stopped after ")
 
 
 def test_a_narrow_and_steep_feature_is_crossed_where_both_fields_lead_down() -> None:
