@@ -47,12 +47,13 @@ class DryContact:
         square = sp.Dummy("square", positive=True)
         # phi(r)/r as a function of r^2: what is left of r has a kink at rest.
         shape = sp.simplify(law.at(sp.sqrt(square)) / sp.sqrt(square))
-        if shape.subs(square, 0).has(sp.nan, sp.zoo, sp.oo) or shape.has(sp.Max, sp.Min):
-            raise DeclarationError(
-                f"phi(r)/r, {shape} in terms of r^2, is not smooth at rest, as a contact in the plane has it.",
-                'Take law="coulomb", or a law that is r times a function of r^2.',
-                got=str(law.expression),
-            )
+        for form, what in ((shape, "is 0/0"), (sp.diff(shape, square), "has a kink")):
+            if form.subs(square, 0).has(sp.nan, sp.zoo, sp.oo, -sp.oo) or form.has(sp.Max, sp.Min):
+                raise DeclarationError(
+                    f"a contact in the plane divides the law by the slip, and ({law.expression})/{law.symbol} {what} "
+                    "at rest.",
+                    'Take law="coulomb", or a law that is written as the slip times a smooth function of its square.',
+                )
         ratios = [(mu / self.mu[0]) ** 2 for mu in self.mu]
         size = sp.Add(*(ratio * w**2 for ratio, w in zip(ratios, slips))) / epsilon**2
         at = shape.xreplace({square: size})

@@ -216,8 +216,13 @@ def test_what_is_no_dry_friction_is_refused(options, says) -> None:
 
 
 def test_a_contact_in_the_plane_needs_a_law_that_is_smooth_at_rest() -> None:
-    with pytest.raises(DeclarationError, match="not smooth at rest"):
-        _ = block(law="linear").field
+    for law, says in (
+        ("linear", r"\(Max\(-1, Min\(1, w\)\)\)/w is 0/0 at rest"),
+        ("tanh", r"\(tanh\(w\)\)/w is 0/0 at rest"),
+        (W / (1 + sp.Abs(W)), r"\(w/\(Abs\(w\) \+ 1\)\)/w has a kink at rest"),
+    ):
+        with pytest.raises(DeclarationError, match=says):
+            _ = block(law=law).field
 
 
 def test_a_start_that_slips_is_refused() -> None:
