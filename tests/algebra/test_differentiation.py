@@ -23,6 +23,7 @@ POWERS = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("times", [1, 2])
 @pytest.mark.parametrize("power", POWERS, ids=str)
 def test_a_power_with_a_symbol_in_its_exponent_has_the_derivative_of_the_written_one(power, times: int) -> None:
@@ -45,6 +46,7 @@ def test_the_slope_in_the_exponent_is_the_logarithm_s() -> None:
     assert derivative((v / 3) ** u, u) == (v / 3) ** u * sp.log(v / 3)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "expression",
     [

@@ -30,6 +30,7 @@ def is_zero(expression: sp.Expr) -> bool:
     return sp.expand(expression, power_exp=False) == 0 or sp.powsimp(sp.expand(expression)) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("one", ELEMENTS)
 @pytest.mark.parametrize("other", ELEMENTS)
 def test_sums_and_products_are_those_of_the_expressions(one: str, other: str) -> None:
@@ -57,6 +58,7 @@ def test_numbers_scale_and_shift(case: str) -> None:
     assert (a * 0).is_zero
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", ELEMENTS)
 @pytest.mark.parametrize("rate", [F(0), F(-1), F(1, 2), F(4, 7)])
 def test_the_solution_of_a_linear_equation_satisfies_it_in_resonance_too(case: str, rate: F) -> None:
@@ -66,6 +68,7 @@ def test_the_solution_of_a_linear_equation_satisfies_it_in_resonance_too(case: s
     assert u.subs(tau, 0) == sp.Rational(5, 6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "matrix",
     [
@@ -110,6 +113,7 @@ def full(n: int) -> sp.Matrix:
     return lower * lower.T
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 6])
 def test_full_matrices_are_taken_by_their_rational_spectrum_and_refused_without_one(
     n: int, monkeypatch

@@ -35,6 +35,7 @@ FOUND = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", FOUND)
 def test_known_integrals_are_found_and_are_constant_along_the_flow(case: str) -> None:
     layer, count = FOUND[case]

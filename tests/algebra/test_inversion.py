@@ -58,6 +58,7 @@ def test_nothing_to_solve_needs_no_equations() -> None:
     assert solve_for((), {}) == {}
 
 
+@pytest.mark.exhaustive
 @given(st.lists(st.integers(-3, 3), min_size=9, max_size=9))
 @settings(max_examples=30)
 def test_linear_systems_are_inverted_exactly(entries: list[int]) -> None:

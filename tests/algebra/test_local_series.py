@@ -71,6 +71,7 @@ def test_values_outside_the_field_are_near_and_said_to_be() -> None:
     assert [(m, ring.expression(c)) for m, c in one.terms() if not ring.reduced(c).is_zero()] == [((0, 0), 1)]
 
 
+@pytest.mark.exhaustive
 def test_coefficients_may_be_in_a_number_field() -> None:
     root = sp.sqrt(2)
     ring = LocalRing(2, DEGREE, NumberField(flint.fmpq_poly([-2, 0, 1]), root))

@@ -46,6 +46,7 @@ def test_sums_products_and_derivatives_agree_with_sympy(f: sp.Expr, g: sp.Expr) 
     assert same(ring.to_sympy(ring.derive(F * G, 0).reduced()), sp.diff(f * g, x))
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=30)
 @given(rational_functions())
 def test_the_inverse_times_the_element_is_one(f: sp.Expr) -> None:
@@ -138,6 +139,7 @@ def test_an_unknown_function_is_named_with_those_that_are_known() -> None:
         read(sp.gamma(x), ring, {})
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "f",
     [

@@ -36,6 +36,7 @@ def test_zeros_in_the_box_are_what_decides(polynomial: flint.fmpq_mpoly, told: b
     assert vanishes_nowhere(polynomial, UNIT) is told
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", range(40))
 def test_what_is_said_to_vanish_nowhere_has_one_sign(seed: int) -> None:
     numbers = np.random.default_rng(seed)

@@ -37,6 +37,7 @@ def found(scene: Scene):
     return boundary_of(study, classify(study.branch, region=study.region, epsilon=scene.epsilon))
 
 
+@pytest.mark.exhaustive
 def test_a_fold_beside_the_region_has_its_passage_and_the_orbit_its_period() -> None:
     scene = models.load("van_der_pol")
     ends = found(scene)

@@ -73,6 +73,7 @@ def test_png_draws_the_figure_and_equal_figures_are_equal_files(tmp_path):
     assert written.read_bytes() == first
 
 
+@pytest.mark.exhaustive
 def test_given_axes_are_drawn_on():
     axes = Figure().add_subplot()
     assert charts.phase_portrait(analysis_of("linear"), axes) is axes
@@ -84,6 +85,7 @@ def test_a_surface_refuses_plane_axes():
         charts.manifold(analysis_of("chaplygin_sleigh"), Figure().add_subplot())
 
 
+@pytest.mark.exhaustive
 def test_style_does_not_leak():
     before = dict(matplotlib.rcParams)
     charts.png(charts.error_against_epsilon(analysis_of("linear").comparison))

@@ -70,6 +70,7 @@ def test_nothing_is_joined_to_what_is_no_number_and_only_steps_that_are_steep_ar
     assert sum(looked[2:]) < 10
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("g", "sheets"),
     [

@@ -28,6 +28,7 @@ def converter(v0: float, duty) -> Scene:
     return scene(i - 3 * v, 100 * sp.Max(0, sp.Min(1, duty)) - v - i, v0, 0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kink", [sp.Max(v, 1), sp.Min(1, v), sp.Abs(v - 1), 100 * sp.Max(0, sp.Min(1, 2 - v))])
 def test_a_layer_from_a_kink_is_not_over_at_once(kink: sp.Expr) -> None:
     # i = h + (i0 - h) exp(-tau) moves v by -epsilon (i0 - h) exp(-tau) behind the base point.

@@ -126,6 +126,7 @@ def test_what_is_compared_is_a_scene_over_sequences() -> None:
         compare(scene, epsilons=0.01)
 
 
+@pytest.mark.exhaustive
 def test_what_is_no_number_in_the_table_has_its_reason_below_it() -> None:
     """Through a pitchfork no run gets, and a reduced flow that is exact has no slope."""
     system = SlowFastSystem(slow={x: 1}, fast={y: y * (x - y**2) + eps / 10}, epsilon=eps)

@@ -243,6 +243,7 @@ def test_a_span_that_ends_at_a_fold_is_said_to(van_der_pol):
     assert "no reduced flow reaches the end" in " ".join(text.get_text() for text in panel.texts)
 
 
+@pytest.mark.exhaustive
 def test_the_legend_lists_what_is_drawn_and_nothing_else(van_der_pol):
     def labels(result):
         return {text.get_text() for text in charts.failure_map(result).figure.legends[0].get_texts()}

@@ -105,6 +105,7 @@ SINGLE = {
 BEYOND_DIFFSL = {"inverse", "two arguments", "inverse hyperbolic", "error function", "jumps", "pieces"}
 
 
+@pytest.mark.exhaustive
 @quiet
 @installed
 @pytest.mark.parametrize("name", SINGLE)

@@ -91,6 +91,7 @@ def test_a_curve_costs_what_it_should() -> None:
     assert curve.stats.located == 2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("parameter", [None, current, "I"])
 def test_the_folds_of_fitzhugh_nagumo_over_w_and_over_the_current(parameter) -> None:
     curve = continue_critical(
@@ -182,6 +183,7 @@ TURN = (x * y1 - 2 * y2, 2 * y1 + x * y2)
 RADIUS = y1**2 + y2**2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("seed", [None, 1, 2, 3])
 def test_a_hopf_point_of_the_layer_and_its_criticality(sign: int, seed: int | None) -> None:
@@ -222,6 +224,7 @@ def test_the_lyapunov_coefficient_is_that_of_guckenheimer_and_holmes() -> None:
         assert point.coefficients["l1"] == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_hopf_points_off_the_origin_in_three_fast_variables() -> None:
     # The branch is y = (0, 0, x) in hidden variables; the pair is x^2 - 1 +- 2i: two Hopf points, at x = +-1.
     g = ((y3**2 - 1) * y1 - 2 * y2 - y1**3, 2 * y1 + (y3**2 - 1) * y2, 5 * (x - y3))
@@ -260,6 +263,7 @@ def test_a_layer_that_keeps_an_energy_raises_no_alarm() -> None:
     assert curve.special == ()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("system", "start", "box"),
     [
@@ -685,6 +689,7 @@ def test_only_a_slow_fast_system_is_continued() -> None:
         continue_critical("van der Pol", start={})  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.exhaustive
 def test_only_a_branch_point_of_the_curve_is_switched_at() -> None:
     curve = continue_critical(systems.van_der_pol(), start={"x": 2, "y": 0.6}, bounds={"x": (-3, 3)})
     with pytest.raises(DeclarationError, match="Got a fold"):

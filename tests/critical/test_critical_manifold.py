@@ -89,6 +89,7 @@ IMPLICIT = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", IMPLICIT)
 def test_implicit_branches_satisfy_their_equations(case: str) -> None:
     system, bounds = IMPLICIT[case]
@@ -410,6 +411,7 @@ def test_bounds_on_fast_variables_choose_the_sheet_and_the_branch() -> None:
         halves.nearest({"x": 1, "y": 0.5}, region={"q": [0, 1]})
 
 
+@pytest.mark.exhaustive
 def test_a_long_equation_is_shown_by_its_beginning_and_its_length() -> None:
     long = sp.expand((x + y + z + 1) ** 8) - 1
     (branch,) = solve_critical(

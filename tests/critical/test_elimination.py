@@ -54,6 +54,7 @@ def graphs(found: Pieces) -> list[tuple[sp.Expr, ...]]:
 HEIGHTS = [[x], [x, -x], [x, 2 - x, x**2], [R(0), x / 3, x**3 - 1], [1 / (1 + x**2), x], [a * x, x / a]]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("heights", HEIGHTS, ids=str)
 @pytest.mark.parametrize("expanded", [False, True])
 def test_the_heights_that_were_multiplied_are_found(heights: list[sp.Expr], expanded: bool) -> None:

@@ -22,6 +22,7 @@ p, q, r = STATES
 FIELD = [p**2 * q - sp.exp(q * r) + r, sp.Abs(p) * q**3 / (2 + r), 5 * r - p]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_a_form_is_what_its_derivatives_say(order: int) -> None:
     form = Derivatives(FIELD, STATES, order, partial(compile_function, arguments=STATES)).at(

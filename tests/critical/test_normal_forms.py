@@ -40,6 +40,7 @@ def derivatives(rates: list, in_other_coordinates: bool = False) -> list:
     return [*result[:2], MultilinearForm(np.array(places), result[2][places], len(rates))]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moved", [False, True])
 def test_a_fold_has_its_quadratic_and_a_cusp_its_cubic_coefficient(moved: bool) -> None:
     # On the centre manifold q = -2 p^2 + ..., so that c = 5 + 3 (-2).

@@ -76,6 +76,7 @@ def test_neighbours_of_a_grid_are_one_step_apart_along_one_axis_and_all_of_them_
     assert (first.tolist(), second.tolist()) == ([0, 1, 2, 3], [1, 2, 3, 4])
 
 
+@pytest.mark.exhaustive
 def test_links_stay_on_their_sheet_whatever_the_order_of_the_samples() -> None:
     # y^3 - 3 y = x has three sheets over (-2, 2) and one beyond.
     own = sampler({x: sp.Integer(1)}, {y: x - y**3 + 3 * y})

@@ -169,6 +169,7 @@ def test_the_sheet_of_the_cusp_is_on_the_manifold_and_in_the_box(cusp_sheet) -> 
     assert sheet["b"].max() == 1
 
 
+@pytest.mark.exhaustive
 def test_the_sheet_of_the_cusp_is_a_disc_with_its_edge_on_the_bounds(cusp_sheet) -> None:
     pairs, count = edges(cusp_sheet)
     assert euler(cusp_sheet) == 1

@@ -15,6 +15,7 @@ def least(A) -> float:
     return float(least_metric(A).rates(A).max())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("size", [2, 3, 5])
 def test_of_one_matrix_the_rate_is_its_largest_real_part(size: int) -> None:
     A = RANDOM.standard_normal((size, size))
@@ -40,6 +41,7 @@ def test_matrices_that_no_metric_serves_alike_have_the_least_that_one_can_do() -
     assert least(turn @ A @ np.linalg.inv(turn)) == pytest.approx(1.0, rel=2e-3)
 
 
+@pytest.mark.exhaustive
 def test_no_metric_tried_at_random_does_better() -> None:
     A = RANDOM.standard_normal((5, 3, 3))
     found = least(A)

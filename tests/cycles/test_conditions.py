@@ -65,6 +65,7 @@ def test_constant_fields_cross_the_edges_that_they_cross() -> None:
         assert found is said, (dx, dy, side, f, g)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("write", "start", "end"),
     [
@@ -111,6 +112,7 @@ def test_epsilon_goes_down_to_zero() -> None:
         turn_of(over, annulus(), SMALL, 2)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("place", [0.0625 + k / 4 for k in range(16)])
 def test_no_part_of_an_edge_is_left_out(place: float) -> None:
     # g < 0 within 1/64 of the place.

@@ -56,6 +56,7 @@ def test_a_cycle_exists_and_is_the_only_one_for_every_epsilon_up_to_a_bound(name
     assert found.epsilon_1 >= unique
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["van der Pol, a = 1/2", "FitzHugh-Nagumo", "Lengyel-Epstein"])
 @pytest.mark.parametrize("share", [1.0, 0.1])
 def test_the_period_and_the_ends_of_a_computed_cycle_are_in_their_bounds(name: str, share: float) -> None:
@@ -84,6 +85,7 @@ def test_an_epsilon_that_is_given_has_an_annulus_of_its_own() -> None:
     assert gsp.certify(orbit, epsilon=0.3).epsilon_0 > 0.3
 
 
+@pytest.mark.exhaustive
 def test_bounds_that_are_loose_by_chance_are_those_of_a_larger_epsilon() -> None:
     """At 0.0021 a strip of Morris and Lecar's annulus nearly meets a zero of the slow rate, a tenth further on none."""
     found = gsp.certify(orbit_of(morris_lecar(), -45, 0.3), epsilon=0.0021)
@@ -91,6 +93,7 @@ def test_bounds_that_are_loose_by_chance_are_those_of_a_larger_epsilon() -> None
     assert found.epsilon_1 >= 0.0021
 
 
+@pytest.mark.exhaustive
 def test_a_line_stays_as_far_from_a_sheet_as_orbits_lag_behind_it() -> None:
     """Folds of one orbit whose delays differ twelvefold: nearer to the sheet, edges are as short as steps of a stiff
     method, and go with the root of epsilon.

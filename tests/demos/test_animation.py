@@ -87,6 +87,7 @@ def test_the_critical_manifold_is_drawn_where_it_is(tmp_path: Path) -> None:
     assert np.nanmax(steps) < 0.3
 
 
+@pytest.mark.exhaustive
 def test_a_scene_of_three_variables_is_shown_in_a_plane_of_two(tmp_path: Path) -> None:
     shown = animation._motion(gsp.study(models.load("koper")))
     assert shown.curve is None

@@ -288,6 +288,7 @@ def test_sliders_change_the_picture_and_the_address(opened) -> None:
     assert page.complaints() == []
 
 
+@pytest.mark.exhaustive
 def test_a_fragment_that_says_nonsense_is_passed_over(opened) -> None:
     untouched = opened("michaelis_menten").run("return state")
     page = opened(
@@ -648,6 +649,7 @@ def test_folds_are_ringed_wherever_the_curve_turns_and_at_any_parameter(opened) 
     assert opened(POLE).run("return views.plane.folds") == []
 
 
+@pytest.mark.exhaustive
 def test_the_surface_goes_as_far_as_the_run(opened) -> None:
     page = opened("koper")
     page.run("turnTo(3); play(false)")

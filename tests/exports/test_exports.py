@@ -131,6 +131,7 @@ def run_node(text: str, folder: Path, points: np.ndarray) -> dict:
     return json.loads(done.stdout)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(NAMES, always=FEW))
 def test_every_scene_computes_the_same_in_python(name: str) -> None:
     points, *_ = expected(name)

@@ -196,6 +196,7 @@ def moved(name: str) -> Scene:
     return models.load(name)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("correction", thinned([0, 1, 2, 3], 3))
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "michaelis_menten"])
 def test_the_slope_is_the_smaller_of_order_and_correction_plus_one(name: str, correction: int) -> None:
@@ -335,6 +336,7 @@ def test_bad_calls_are_named(arguments, message) -> None:
         project(systems.sleigh(), SLIDING, epsilon=0.1)
 
 
+@pytest.mark.exhaustive
 def test_positions_driven_through_sines_have_base_points_too() -> None:
     study = study_of(moved("chaplygin_sleigh"))
     reconstruction = study.scene.reconstruction
@@ -361,6 +363,7 @@ def test_a_layer_that_two_points_show_to_be_nonlinear_is_not_simplified(monkeypa
     assert not asked
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("switching", "side"),
     [

@@ -177,6 +177,7 @@ def test_a_layer_that_goes_off_to_infinity_is_told_so() -> None:
     assert "e+" not in str(caught.value)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("unit", [1, sp.Rational(1, 10**6), 10**9])
 def test_what_rounding_leaves_of_large_variables_is_no_layer_to_be_resolved(unit: sp.Expr) -> None:
     """u rests at the leak z - x of a pump, a small number beside z: its rate is rounding of that of z."""

@@ -86,6 +86,7 @@ def test_where_a_base_point_lies_beyond_the_root_it_is_told_that_no_higher_order
     assert project(found.study.branch, START, epsilon=0.01, order=1)["x"] == pytest.approx(-0.01)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("g", [-y + sp.sqrt(x), -y + x ** sp.Rational(1, 3)])
 def test_a_root_whose_slope_is_infinite_at_the_start_is_no_obstacle(g) -> None:
     found = choose(scene(1 + y / 50, g, tolerance=0.1))

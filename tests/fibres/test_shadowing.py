@@ -33,6 +33,7 @@ def linear(a: float, b: float, c: float, d: float) -> tuple[Branch, dict[float, 
     return solve_critical(system).branches[0], exact
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("fast", [-0.5, -20.0, 0.5, 20.0])
 def test_both_routes_give_the_projection_along_the_fast_eigenvector(fast: float) -> None:
     branch, exact = linear(-0.5, 1.0, 1.0, fast)

@@ -134,6 +134,7 @@ def test_a_dip_of_an_implicit_branch_is_found(how: str) -> None:
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(gsp.models.names(), always=FEW))
 def test_built_in_scenes_raise_no_alarm(name: str) -> None:
     study = study_of(gsp.models.load(name))
@@ -158,6 +159,7 @@ def test_enclosures_do_not_depend_on_units() -> None:
     assert found.exclusion.is_complete
 
 
+@pytest.mark.exhaustive
 def test_enclosures_keep_to_the_branch_that_was_sampled() -> None:
     # The branches y = 0, 2 x/3 and x come near one another at the lower end.
     system = gsp.SlowFastSystem(slow={x: 1}, fast={y: y * (x - y) * (2 * x - 3 * y)}, epsilon=eps)
@@ -244,6 +246,7 @@ def test_a_share_below_rounding_of_the_region_is_no_finding_and_is_not_sought(po
     assert found.exclusion.tried <= 2 * 53
 
 
+@pytest.mark.exhaustive
 def test_boxes_are_cut_across_the_variable_of_a_root_alone() -> None:
     # Where D_y F is constant the branch's slope tells; halving the other side as well squares the boxes.
     one = judge({y: sp.sqrt(x) - y}, region={"x": (0, 1)}).exclusion

@@ -11,6 +11,7 @@ from gsp.critical.loss_kind import LossKind
 x, y, u, v, eps = sp.symbols("x y u v epsilon")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("size", [1, 1000, 10**6])
 @pytest.mark.parametrize("power", [1, 2])
 def test_a_pole_over_a_fast_variable_is_met_where_the_sheet_comes_to_it(size: int, power: int) -> None:

@@ -54,6 +54,7 @@ def test_kind_and_gap_are_those_of_the_eigenvalues(g, kind, gap) -> None:
     assert verdict.losses == ()
 
 
+@pytest.mark.exhaustive
 def test_the_reference_saddle_is_a_saddle() -> None:
     verdict = classify(solve_critical(systems.saddle()).branches[0], region=UNIT)
     assert verdict.kind is Kind.SADDLE
@@ -61,11 +62,13 @@ def test_the_reference_saddle_is_a_saddle() -> None:
     assert sorted(verdict.eigenvalues(0.3).real) == [-1, 1]
 
 
+@pytest.mark.exhaustive
 def test_the_gap_is_refined_between_the_samples() -> None:
     third = sp.Rational(1, 3)
     assert judge(-y * ((x - third) ** 2 + sp.Rational(1, 10**6))).gap == pytest.approx(1e-6, rel=1e-3)
 
 
+@pytest.mark.exhaustive
 def test_eigenvalues_are_those_of_the_closed_form_and_keep_the_batch() -> None:
     verdict = judge({y: -y + x * z, z: -x * y - 2 * z})
     grid = np.linspace(-1, 1, 11)
@@ -83,6 +86,7 @@ def van_der_pol_losses(region) -> Hyperbolicity:
     return classify(branch, region=region)
 
 
+@pytest.mark.exhaustive
 def test_both_folds_of_van_der_pol_are_located() -> None:
     verdict = van_der_pol_losses({"y": (-1, 1)})
     assert verdict.kind is Kind.LOST
@@ -93,6 +97,7 @@ def test_both_folds_of_van_der_pol_are_located() -> None:
     assert not verdict.holds
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_that_ends_in_the_region_is_lost_at_its_fold() -> None:
     branch = solve_critical(systems.van_der_pol()).nearest({"y": 0, "x": 1.8})
     verdict = classify(branch, region={"y": (-1, 1)})
@@ -175,6 +180,7 @@ def test_a_gap_of_nothing_at_all_is_no_hyperbolic_equilibrium() -> None:
     assert [c.name for c in verdict.conditions if not c.holds] == ["hyperbolic equilibria"]
 
 
+@pytest.mark.exhaustive
 def test_a_neutral_saddle_is_no_loss() -> None:
     # Trace 0, determinant -1 for all x: a saddle, not a Hopf point.
     assert judge({y: z, z: y + x}).kind is Kind.SADDLE
@@ -207,6 +213,7 @@ def test_a_pole_within_a_function_is_a_pole_of_the_branch(height, place: float) 
     assert {round(loss.point["x"], 7) for loss in verdict.losses if loss.is_pole} == {round(place, 7)}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("height", [sp.atan(1 / (x - sp.Rational(1, 7)) ** 2), sp.tan(x)])
 def test_a_function_that_stays_bounded_at_a_pole_within_it_has_none(height) -> None:
     assert judge(height - y, {"x": (-1, 0.9)}).losses == ()

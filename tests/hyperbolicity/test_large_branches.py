@@ -30,6 +30,7 @@ def sheet(system: SlowFastSystem):
     return branch if branch.is_explicit else branch.through({"x": 1.0, **{s.name: 0.0 for s in system.y}})
 
 
+@pytest.mark.exhaustive
 def test_a_linear_chain_is_solved_with_a_derivative_or_two_for_each_entry() -> None:
     n = 40
     elimination._slope.cache_clear()

@@ -379,6 +379,7 @@ EVERYWHERE = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", EVERYWHERE)
 def test_a_branch_that_is_singular_everywhere_is_named(name) -> None:
     assert_named(name, None)
@@ -513,6 +514,7 @@ def test_a_sheet_that_ends_at_a_switching_surface_says_so() -> None:
     assert not any("does not cross" in note for note in verdict.notes)
 
 
+@pytest.mark.exhaustive
 def test_a_branch_that_ends_for_no_reason_found_is_not_given_one() -> None:
     loss = only(
         judge(Case({x: sp.Integer(1)}, {y: sp.exp(y) - x}, {}, UNIT, LossKind.DEGENERATE)), LossKind.DEGENERATE
@@ -613,6 +615,7 @@ def test_a_zero_and_a_pair_together_are_named() -> None:
     assert "imaginary pair together" in loss.note or "on the axis" in loss.note
 
 
+@pytest.mark.exhaustive
 def test_a_hopf_point_without_nonlinearity_says_that_l1_is_zero() -> None:
     fast = {y: x * y - z, z: y + x * z}
     loss = only(judge(Case({x: sp.Integer(1)}, fast, {}, UNIT, LossKind.HOPF)), LossKind.HOPF)

@@ -120,12 +120,14 @@ def test_over_two_slow_variables_there_are_curves_of_folds_and_the_two_fold_wher
             assert max(map(abs, rates)) < 1e-9
 
 
+@pytest.mark.exhaustive
 def test_two_fields_that_are_tangent_at_once() -> None:
     (loss,) = verdict(x, -x, "linear").losses
     assert loss.kind is LossKind.TWO_FOLD
     assert loss.point["x"] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_a_fold_of_what_does_not_saturate_stays_one() -> None:
     system = SlowFastSystem(slow={x: 1}, fast={v: x + v - v**3 / 3}, epsilon=epsilon)
     region = {"x": (-1, 1), "v": (-3, 3)}
@@ -153,6 +155,7 @@ def test_next_to_a_pole_in_the_formula_of_a_sheet_that_ended_before_it_is_none_o
     assert (loss.kind, loss.point["x"]) == (LossKind.VISIBLE_FOLD, pytest.approx(2.0))
 
 
+@pytest.mark.exhaustive
 def test_a_root_of_what_is_positive_is_no_switching_surface() -> None:
     assert not verdict(x, 1, "algebraic", region={"x": (-0.5, -0.1), "v": (-3, 3)}).notes
 

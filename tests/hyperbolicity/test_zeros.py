@@ -20,6 +20,7 @@ def loss_of(fast: dict, through: dict, kind: LossKind) -> Loss:
     return loss
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("slope", "push"), [(2, 1), (2, 2), (-1, 1)])
 def test_the_push_at_a_pitchfork_is_less_the_slope_of_the_branch(slope: int, push: int) -> None:
     # v = y - slope x has epsilon v' = x v - v^3 + epsilon (push - slope): no push where the two are equal.

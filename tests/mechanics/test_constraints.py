@@ -161,6 +161,7 @@ def test_the_contact_point_of_a_rolling_disc_moves_on_a_circle() -> None:
     np.testing.assert_allclose(np.hypot(run["x"] - centre[0], run["y"] - centre[1]), radius, atol=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_a_ball_on_a_turntable_moves_on_circles_at_two_sevenths_of_its_rate() -> None:
     """Affine constraints, with space angular velocities as quasi-velocities over Euler angles."""
     q = sp.symbols("x y alpha beta gamma")

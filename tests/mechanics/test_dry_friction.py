@@ -53,6 +53,7 @@ def test_the_sleigh_sticks_if_and_only_if_its_blade_bears_the_turn() -> None:
     assert sp.simplify(load - asked) == 0
 
 
+@pytest.mark.exhaustive
 def test_no_slip_fails_at_the_time_and_place_of_the_constrained_run() -> None:
     """The sleigh runs backwards, unstably: |v omega| grows to what the blade bears."""
     bears = 0.9 * TOTAL / (MASS * INERTIA)
@@ -77,6 +78,7 @@ def test_no_slip_fails_at_the_time_and_place_of_the_constrained_run() -> None:
     assert found.shares[0, -1] == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_the_full_system_sticks_until_then_and_slips_after() -> None:
     given = sleigh()
     start = {"x": 0, "y": 0, "phi": 0.1, "v": -1.5, "omega": 0.3}
@@ -148,6 +150,7 @@ def test_a_block_creeps_down_an_incline_by_the_law() -> None:
     assert light == pytest.approx(-1e-3 * share)
 
 
+@pytest.mark.exhaustive
 def test_an_elliptic_cone_bears_more_along_one_axis() -> None:
     """Gravity pulls along x, where mu is 0.1 or 0.5."""
     easy, hard = (block(mu=[pair]) for pair in ((0.1, 0.5), (0.5, 0.1)))

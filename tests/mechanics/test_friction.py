@@ -253,6 +253,7 @@ def test_the_slip_is_minus_epsilon_times_the_damped_multiplier(name: str) -> Non
     assert len(defect) > 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["sleigh", "damped sleigh", "ball", "disc", "turned disc"])
 def test_friction_dissipates_exactly_the_rayleigh_function_twice(name: str) -> None:
     system = SYSTEMS[name]()

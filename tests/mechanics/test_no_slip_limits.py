@@ -37,6 +37,7 @@ def test_a_contact_creeps_a_finite_way_before_it_lets_go(mu: float) -> None:
     assert found.distance(1e-3) == pytest.approx([1e-2 * mu], rel=1e-6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("mu", [(0.8, 0.4), (0.4, 0.8), (0.5, 0.5)])
 def test_in_a_cone_that_is_no_circle_the_slip_is_that_of_the_full_field(mu: tuple[float, float]) -> None:
     system = contact({y: sp.Rational(1, 5)}, rows=[(xd, yd)], mu=[mu])

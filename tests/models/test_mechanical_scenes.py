@@ -74,6 +74,7 @@ def test_the_slope_of_order_n_is_n_plus_one(name: str) -> None:
         assert slope == pytest.approx(order + 1, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_on_a_disc_order_one_is_as_good_as_order_two() -> None:
     comparison = gsp.compare(models.load("rolling_disc"), orders=(0, 1, 2, 3))
     assert list(comparison.slopes.values()) == pytest.approx([1, 3, 3, 5], abs=0.1)

@@ -27,6 +27,7 @@ def test_a_name_that_is_no_text_is_refused(load, name):
         load(name)
 
 
+@pytest.mark.exhaustive
 @every_scene
 def test_a_scene_is_complete_and_equal_to_itself_loaded_again(name):
     scene = models.load(name)
@@ -57,6 +58,7 @@ def test_the_start_is_in_the_region_and_the_field_is_finite_there(name):
         assert np.isfinite(right_hand_side(scene.full_flow, epsilon)(0, start)).all()
 
 
+@pytest.mark.exhaustive
 @every_scene
 def test_reconstruction_extends_the_states_and_does_not_feed_back(name):
     scene = models.load(name)

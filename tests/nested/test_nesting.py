@@ -395,6 +395,7 @@ def test_split_and_compare_take_two_small_parameters(tmp_path: Path) -> None:
     assert "Three time scales" not in told("split", str(plain))
 
 
+@pytest.mark.exhaustive
 def test_a_chart_draws_the_run_and_the_flow_on_the_inner_manifold() -> None:
     """Long after both layers they are one, and in the first neither has begun."""
     axes = gsp.nest(published(), small=["epsilon", "delta"]).plot()

@@ -279,6 +279,7 @@ def test_koper_has_its_strong_and_six_secondary_canards(koper: gsp.CanardOrbits)
     assert koper.message == "7 of 7 canards that turn"
 
 
+@pytest.mark.exhaustive
 def test_crossing_curves_and_orbits_from_line_to_line_agree(koper: gsp.CanardOrbits) -> None:
     for canard in koper.canards:
         assert canard.crossing_gap < 1e-3

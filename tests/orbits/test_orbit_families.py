@@ -62,6 +62,7 @@ def test_hopf_points_of_the_full_system() -> None:
     assert "HopfPoint(I = 0.33128133745" in repr(first)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("start", [(-30, 0), (-30, 0.1), (-60, 0), (30, 0.9), (8, 0.4)])
 def test_hopf_points_are_on_the_curve_through_the_equilibrium_at_the_flows_own_parameter(start) -> None:
     # Morris and Lecar's saddle-node set: at I = 90 there is one equilibrium, and a fold of the curve at I = 39.96 is

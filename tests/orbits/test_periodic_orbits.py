@@ -371,6 +371,7 @@ def test_orbits_of_conservative_flows_are_not_isolated_in_any_coordinates(name: 
     assert float(re.search(r"isolation (\S+),", str(caught.value))[1]) < 0.1 * ISOLATED
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6])
 def test_a_cycle_that_hardly_attracts_is_isolated_all_the_same(share: float) -> None:
     flow, start = moved({x: y, y: -x + share * (1 - x**2) * y}, (1, 0), 0)

@@ -39,6 +39,7 @@ def van_der_pol():
 # -- the figures that were promised, in boxes -----------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("distance", [1e-2, 1e-6, 1e-12])
 def test_van_der_pol_is_proved_up_to_its_fold(distance: float) -> None:
     low = -2 / 3 + distance
@@ -88,6 +89,7 @@ def test_each_box_has_its_own_gap_and_the_least_is_that_of_all() -> None:
     assert min(found.gaps) == found.gap
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SCENES)
 def test_every_built_in_scene_is_proved(name: str) -> None:
     from gsp.scenes.study import study_of
@@ -268,6 +270,7 @@ def test_a_change_of_type_outside_the_bounds_on_y_is_none_of_the_region() -> Non
     assert certify(line, region={**region, "x": (0.3, 1.0)}).verdict is PROVED
 
 
+@pytest.mark.exhaustive
 def test_a_fold_outside_the_bounds_on_y_is_told_as_the_end_of_the_sheet() -> None:
     region = {"x": (-1.0, 3.0), "y": (1.5, 2.5)}
     found = certify(van_der_pol(), region=region)
@@ -284,6 +287,7 @@ def test_a_pole_at_which_the_eigenvalue_changes_its_sign_is_no_change_of_type() 
     assert "x in [" in found.reason
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("rate", thinned([sp.log(x), sp.sqrt(x), 1 / x], 2))
 def test_poles_and_branch_points_are_named_with_where(rate: sp.Expr) -> None:
     found = certify(branch({y: -(2 + sp.sin(rate)) * y}), region={"x": (0, 1)})
@@ -408,6 +412,7 @@ def test_functions_without_an_enclosure_are_refused_by_name() -> None:
         certify(branch({y: -(2 + sp.erf(x)) * y}), region={"x": (0, 1)})
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("region", [(-1, 1), (-0.5, 1)])
 def test_a_branch_that_is_symmetric_about_the_middle_is_cut_across_its_symmetry(region: tuple) -> None:
     """The Jacobian of an odd branch is the same at both ends of a box about zero, and another in its middle."""

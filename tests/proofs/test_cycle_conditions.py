@@ -80,6 +80,7 @@ def nested(**more: Any) -> bool:
     return True
 
 
+@pytest.mark.exhaustive
 def test_constant_fields_cross_the_edges_that_they_cross() -> None:
     for (dx, dy), side, f, g, said in crossings():
         assert crosses(str(f), str(g), (3, 5), (3 + dx, 5 + dy), side) is said, (dx, dy, side, f, g)

@@ -200,6 +200,7 @@ def test_a_changed_proof_is_rejected(proofs: dict[str, dict], name: str) -> None
     assert refused(other)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("kind", "change"),
     [

@@ -92,6 +92,7 @@ def within(found: ia.Interval, value: Any) -> bool:
     return found[0] <= value * ia.ONE <= found[1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("text", RATIONAL)
 def test_values_and_slopes_over_a_box_hold_those_of_every_point_and_of_one_point_hardly_more(text: str) -> None:
     program = IntervalProgram((text,), 3)

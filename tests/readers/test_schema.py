@@ -61,6 +61,7 @@ def test_it_names_what_the_reader_knows() -> None:
     assert set(SCHEMA["properties"]["scene"]["properties"]) == set(_SCENE)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_models_of_the_tests_are_taken(path: Path) -> None:
     assert complaints(path.read_text(encoding="utf-8")) == []

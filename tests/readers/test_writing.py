@@ -56,6 +56,7 @@ def test_built_in_scenes_return(name, tmp_path):
         assert got == pytest.approx(expected, rel=1e-13, abs=1e-13)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("path", thinned(SYSTEMS, 3), ids=lambda path: path.stem)
 def test_systems_from_the_literature_return(path, tmp_path):
     same(gsp.load(path), tmp_path)

@@ -160,6 +160,7 @@ def test_a_hostile_file_is_refused_in_a_sentence(tmp_path: Path, line: str, word
     assert len(str(caught.value)) < 900
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("formula", "meaning"),
     [

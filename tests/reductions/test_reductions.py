@@ -339,6 +339,7 @@ def test_a_reactor_with_a_fast_wall_is_looked_at_to_the_end() -> None:
     assert found.recommended is None
 
 
+@pytest.mark.exhaustive
 def test_what_fades_over_the_run_is_not_fast_in_it() -> None:
     # exp(-t/1000) over an hour: its layer would take half of the span.
     found = find_reductions(scene(*RAW["battery"][:4]), tolerance=0.05)
@@ -555,6 +556,7 @@ def test_terms_with_the_same_states_and_rates_of_their_own_are_no_exchange() -> 
     assert not [part.name for part in fast_parts(field) if "equilibrium" in part.name]
 
 
+@pytest.mark.exhaustive
 def test_what_was_reached_is_told_where_nothing_serves() -> None:
     """The corrections of the nearest candidate stand in the table and in the reason, with their error."""
     x, y = sp.symbols("x y")
@@ -567,6 +569,7 @@ def test_what_was_reached_is_told_where_nothing_serves() -> None:
     assert best in found.shown()
 
 
+@pytest.mark.exhaustive
 def test_one_run_has_one_cost() -> None:
     """Where the one taken is chosen from again, the table has the costs of that choice."""
     x, y = sp.symbols("x y")

@@ -52,6 +52,7 @@ def test_behind_a_layer_of_more_than_half_the_span_nothing_is_told() -> None:
         assert np.isfinite(found) is np.bool_(told)
 
 
+@pytest.mark.exhaustive
 def test_a_reduction_that_divides_by_zero_at_the_own_values_is_not_told() -> None:
     """Where b v = u the rates leave u' = a u/(a - b): a = b is no such place, and no error is told there."""
     rates = {u: -u, v: (a * v - b * v + u) * 50 * b}

@@ -55,6 +55,7 @@ def test_the_page_and_its_json_say_whether_and_where_no_slip_fails(tmp_path) -> 
     assert f"{content['largest_shares'][0]:.4g}" in section
 
 
+@pytest.mark.exhaustive
 def test_where_it_holds_the_page_says_how_far_the_contact_creeps() -> None:
     found = no_slip_of(study(scene()))
     assert found is not None
@@ -79,6 +80,7 @@ def test_other_parameters_have_other_answers() -> None:
     assert no_slip_of(study(ask_again(long, parameters={"mu": 0.2}))).holds
 
 
+@pytest.mark.exhaustive
 def test_a_model_file_asks_too() -> None:
     found = no_slip_of(study(read_model(SLED, name="sled")))
     assert found is not None

@@ -137,6 +137,7 @@ def test_without_boxes_there_is_no_picture() -> None:
         charts.proof(found)
 
 
+@pytest.mark.exhaustive
 def test_json_has_no_certificate_where_none_was_asked_for() -> None:
     content = hyperbolicity_as_json(classify(branch(x - 2 * y), region={"x": (0, 1)}))
     assert content["certificate"] is None

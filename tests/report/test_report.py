@@ -444,6 +444,7 @@ def test_what_is_reported_is_an_analysis(tmp_path) -> None:
         write_report(None, tmp_path / "out")
 
 
+@pytest.mark.exhaustive
 def test_conditions_are_met_over_the_whole_region_only_where_no_loss_is_left_between_samples() -> None:
     analysis = analysis_of("michaelis_menten")
     page = Sections(analysis)

@@ -89,6 +89,7 @@ def in_many_digits(place: np.ndarray) -> tuple[list, list, mpmath.matrix, list]:
     return [values[r] for r in order], pointers, F, moved
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.7, 0.95])
 def test_rates_and_pointers_are_those_of_an_eigenproblem_in_thirty_digits(share: float) -> None:
     found = scales()
@@ -121,6 +122,7 @@ def test_rates_and_pointers_are_those_of_an_eigenproblem_in_thirty_digits(share:
         )
 
 
+@pytest.mark.exhaustive
 def test_exhausted_modes_are_those_of_the_criterion_in_thirty_digits() -> None:
     found, rtol = scales(), 0.1
     tolerance = rtol * np.abs(found.states) + rtol**2 * np.abs(found.states).max(axis=0)

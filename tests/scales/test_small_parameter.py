@@ -101,6 +101,7 @@ def test_names_in_use_do_not_become_epsilon() -> None:
     assert {str(each.epsilon) for each in found} == {"epsilon_"}
 
 
+@pytest.mark.exhaustive
 def test_every_manifold_of_the_mutualism_is_one_of_equilibria() -> None:
     """Independently: the fast part vanishes on the graph, and its linear part has rank one there."""
     for each in itertools.islice(

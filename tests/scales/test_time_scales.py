@@ -206,6 +206,7 @@ def test_a_growing_mode_is_never_exhausted() -> None:
     assert (found.exhausted == 0).all()
 
 
+@pytest.mark.exhaustive
 def test_many_states_are_looked_at_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PRODUCTS", 30 * 12**3)
     states = sp.symbols("u:12")

@@ -61,6 +61,7 @@ def test_a_region_on_the_command_line_is_the_one_that_is_checked():
     assert verdict["holds"] is False
 
 
+@pytest.mark.exhaustive
 def test_epsilon_and_order_reach_the_choice():
     found = json.loads(run("choose", "michaelis_menten", "--epsilon", "1/100", "--order", "1", "--json").stdout)
     assert found["coordinates"]["epsilon"]["values"] == 0.01

@@ -95,6 +95,7 @@ def test_a_scene_without_a_pole_to_take_is_left_as_it_is() -> None:
     assert not has_slow_time(turning)
 
 
+@pytest.mark.exhaustive
 def test_reduced_and_full_runs_end_at_the_same_place() -> None:
     """Over the span in its own time x moves by a half; in slow time, over so long a span, all of it was gone."""
     given = fast()
@@ -142,6 +143,7 @@ def test_a_report_says_that_the_field_was_in_fast_time(tmp_path, monkeypatch: py
     assert (content["span"], content["span_in_fast_time"]) == ([0.0, 0.8], [0.0, 40.0])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(models.names(), 4))
 def test_every_model_is_the_same_system_through_either_door(name: str) -> None:
     """Written in fast time, t/epsilon, and put into slow time again: the same rates over the same span."""

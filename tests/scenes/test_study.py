@@ -175,6 +175,7 @@ def test_a_whole_report_computes_every_stage_once(name: str, counts: Counter, tm
     assert not {key: n for key, n in counts.items() if n > 1}
 
 
+@pytest.mark.exhaustive
 def test_verbs_take_a_study_and_hand_it_on(counts: Counter) -> None:
     whole = gsp.study(models.load("michaelis_menten"))
     found = gsp.compare(whole, orders=(0, 1))

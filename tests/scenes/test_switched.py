@@ -53,6 +53,7 @@ def test_the_run_in_the_fast_variable_is_the_run_of_the_field(scene) -> None:
         assert np.abs(raw[name][-1] - new[name][-1]) < 1e-10
 
 
+@pytest.mark.exhaustive
 def test_the_slopes_of_a_switched_field_are_those_of_the_theory(scene) -> None:
     found = compare(scene, orders=(0, 1, 2))
     for order in (0, 1, 2):

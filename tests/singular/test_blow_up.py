@@ -74,6 +74,7 @@ def transformed(name: str, seed: int) -> gsp.SlowFastSystem:
     return system_of(dict(zip(xs, rates)), {fast_state: g}, parameters)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "seed"), list(itertools.product(PUBLISHED, (1, 2, 3))))
 def test_no_polynomial_change_hides_the_weights(name: str, seed: int) -> None:
     *_, weights, degree = PUBLISHED[name]
@@ -237,6 +238,7 @@ PASSAGES: dict[str, tuple[dict, dict, dict, str]] = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", PASSAGES)
 def test_runs_pass_with_the_powers_of_epsilon(name: str) -> None:
     """The fast variable where x is that of the point is as large as the rescaling chart says."""

@@ -89,6 +89,7 @@ def _hopf_of(epsilon: sp.Expr) -> sp.Expr:
 # -- theorems ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", thinned(range(4), 2))
 def test_the_krupa_szmolyan_formulas_hold_for_their_normal_form(seed: int) -> None:
     # lambda_H = -(a1 + a5)/2 epsilon, lambda_c = -((a1 + a5)/2 + A/8) epsilon, A = -a2 + 3 a3 - 2 a4 - 2 a5

@@ -108,6 +108,7 @@ def test_the_normal_form_has_the_ratio_it_is_written_with(mu: sp.Rational) -> No
     assert node.secondary_canards == node.s_max - 1
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("odd", [3, 5, 7, 9, 11, 49])
 def test_at_one_over_an_odd_number_the_boundary_counts_exactly(odd: int) -> None:
     on = only(normal_form(R(1, odd)), z=(-1, 1))
@@ -250,6 +251,7 @@ def test_an_irrational_point_of_an_analytic_system_is_found_to_many_digits() -> 
 # -- invariance --------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("matrix", [sp.Matrix([[2, 1], [1, 1]]), sp.Matrix([[R(1, 3), -4], [5, R(7, 2)]])])
 @pytest.mark.parametrize("scale", [1, -R(3, 2), 10])
 def test_linear_changes_of_the_slow_and_scaling_of_the_fast_variable_change_nothing(matrix, scale) -> None:

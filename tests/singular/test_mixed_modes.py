@@ -98,6 +98,7 @@ def test_bad_input_is_named():
         mixed_mode("koper", "x", start=START, span=(0, 1), epsilon=0.1)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.exhaustive
 def test_the_chart_tells_large_from_small():
     found = mixed_mode(koper(-7), "x", start=START, span=(0, 60), epsilon=0.05)
     axes = charts.mixed_mode(found)

@@ -390,6 +390,7 @@ def test_the_first_zero_is_that_of_a_hermite_polynomial_at_odd_integers() -> Non
 # -- pairs: the buffer point -------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_shishkovas_buffer_point_is_at_one() -> None:
     late = entry_exit(branch(SHISHKOVA), start={"t": -2})
     assert late.kind is ExitKind.BUFFER
@@ -398,6 +399,7 @@ def test_shishkovas_buffer_point_is_at_one() -> None:
     assert late.loss.turning_points[0].t == pytest.approx(2 - 1j, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_an_orbit_that_enters_after_the_mirrored_buffer_point_leaves_before_it() -> None:
     early = entry_exit(branch(SHISHKOVA), start={"t": -0.6})
     assert early.kind is ExitKind.ENTRY_EXIT
@@ -518,6 +520,7 @@ def exit_of(epsilon: str) -> tuple[dict[str, str], str]:
         return {"t": "-2", "x": mp.nstr(start.real, 50), "y": mp.nstr(start.imag, 50)}, mp.nstr(time, 40)
 
 
+@pytest.mark.exhaustive
 def test_shishkovas_exit_at_a_twentieth_in_extended_precision() -> None:
     start, time = exit_of("0.05")
     orbit = follow(SHISHKOVA, start=start, span=(-2, 2), epsilon=R(1, 20), digits=30, until=x**2 + y**2 - 1)
@@ -596,6 +599,7 @@ def test_a_loss_is_told_with_its_coefficients_where_it_has_any(coefficients: dic
     assert str(loss).endswith("exchange of stability" + (" (q = 2)" if coefficients else ""))
 
 
+@pytest.mark.exhaustive
 def test_extended_orbits_agree_with_an_exact_solution_to_all_digits() -> None:
     # epsilon y' = x y: y = exp((x^2 - 1)/(2 epsilon)).
     of = system({x: 1}, {y: x * y})

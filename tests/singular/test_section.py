@@ -52,6 +52,7 @@ def test_a_parabola_among_other_states_has_its_rate(m: float, length: float, dec
     assert abs(found.rates[0] - exact) <= 10 * found.error + 1e-12 * exact
 
 
+@pytest.mark.exhaustive
 def test_three_states_in_units_far_apart() -> None:
     field, M = turned({x: PARABOLA, y: -y + x / 2, z: -2 * z + y * x}, scale=sp.Rational(1, 10**6))
     edge = [-2, -1, 1]
@@ -294,6 +295,7 @@ def test_a_ramp_to_where_the_rest_point_does_not_attract_always_tips() -> None:
         gsp.critical_rate(allee(), ramp=Ramp.tanh({A: (0.7, 0.5)}), start=start, edge={"N": 0.1})
 
 
+@pytest.mark.exhaustive
 def test_among_windows_without_end_no_single_rate_is_the_one_above_which_ramps_tip() -> None:
     """Lorenz's equations with rho from 4 to 20: between rates that tip others do not, down to the finest."""
     rho_ = sp.Symbol("R")

@@ -215,6 +215,7 @@ def test_the_chart_of_an_open_orbit_and_wrong_names(van_der_pol):
         charts.singular_orbit(van_der_pol, names=("x", "y"))
 
 
+@pytest.mark.exhaustive
 def test_a_current_that_rises_for_ever_is_at_rest_nowhere() -> None:
     """I' = r: past the last fold w and I grow as long as they are followed, and what is far moves slowly beside it."""
     v, w, current = sp.symbols("v w I")

@@ -27,6 +27,7 @@ def test_two_blocks_that_know_nothing_of_each_other_stop_each_in_its_time() -> N
     assert (run["u"][-1], run["w"][-1]) == pytest.approx((0, 0), abs=1e-12)
 
 
+@pytest.mark.exhaustive
 def test_a_block_upon_another_slips_when_it_is_pulled_too_hard() -> None:
     """The lower of two blocks of mass 1 is pulled by t; the ground bears 1, what is between them 1/2.
 
@@ -42,6 +43,7 @@ def test_a_block_upon_another_slips_when_it_is_pulled_too_hard() -> None:
     assert run["w"][-1] == pytest.approx(0.5 - 1.0, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_a_law_that_overshoots_holds_both_for_longer() -> None:
     stribeck = W / sp.sqrt(1 + W**2) + W / (1 + W**2)
     field = CrossingField({t: 1, u: t, w: -t}, [{u: -1, w: 1}, {u: sp.Rational(1, 2), w: -1}], [u, w])

@@ -50,6 +50,7 @@ def test_where_a_law_stops_rising(phi, kind, place, order, coefficient, exponent
     assert law.slope == pytest.approx(float(law.at(small) / small))
 
 
+@pytest.mark.exhaustive
 def test_the_peak_of_the_law_of_the_belt() -> None:
     """F = 0.4 w/sqrt(1 + w^2) + 1.2 w/(1 + w^2) has its fold at F = 0.897747883876."""
     end = switch_law(stribeck).upper

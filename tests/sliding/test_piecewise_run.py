@@ -27,6 +27,7 @@ def sides(run: PiecewiseRun) -> list[Side]:
     return [piece.side for piece in run.pieces]
 
 
+@pytest.mark.exhaustive
 def test_a_run_crosses_slides_and_leaves() -> None:
     """From (-3, -1) up to y = 0 at t = 1, where x = -2; sliding to the fold at x = 0; then y = x^2/2."""
     run = run_piecewise(fold, start={"x": -3, "y": -1}, span=(0, 4))
@@ -41,6 +42,7 @@ def test_a_run_crosses_slides_and_leaves() -> None:
     assert crossing["y"][-1] == pytest.approx((9 - 4) / 2, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_the_belt_with_an_overshooting_law_sticks_and_slips_with_the_limit_period() -> None:
     """Sticking from x_l to the fold at the belt's speed, and an arc of a circle about x = 0.4."""
     run = run_piecewise(belt, start={"x": 0, "u": 0.2}, span=(0, 40), phi=stribeck)
@@ -179,6 +181,7 @@ def test_the_table_has_a_row_for_each_point_and_a_value_for_each_piece() -> None
     assert "s < 0, sliding, s > 0" in repr(run)
 
 
+@pytest.mark.exhaustive
 def test_too_many_pieces_end_a_run() -> None:
     run = run_piecewise(belt, start={"x": 0, "u": 0.2}, span=(0, 100), phi=stribeck, max_pieces=3)
     assert len(run.pieces) == 3

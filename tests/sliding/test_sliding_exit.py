@@ -89,6 +89,7 @@ def test_a_contact_order_need_not_be_whole() -> None:
     assert found.exit(1e-8)["x"] == pytest.approx(late[1], rel=0.01)
 
 
+@pytest.mark.exhaustive
 def test_the_exit_scales_with_what_bends_and_what_pushes() -> None:
     """X+ = (2, 3 x), X- = (1, 5), cubic: beta = 6, gamma = 5; then upside down, from s < 0."""
     bent = PiecewiseField({x: 2, y: 3 * x}, {x: 1, y: 5}, y)

@@ -55,6 +55,7 @@ def test_series_with_functions_whose_polynomials_are_too_long_are_programs_with_
     np.testing.assert_allclose(*terms, rtol=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_twenty_quadratic_fast_variables_have_a_series_by_programs_alone():
     y = sp.symbols("y:20")
     fast = {

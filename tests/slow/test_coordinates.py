@@ -34,6 +34,7 @@ def test_the_inverse_of_a_chain_takes_one_product_or_two_for_each_entry(monkeypa
     assert len(products) < 3 * n * (n + 1) / 2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["van_der_pol", "koper", "fitzhugh_nagumo"])
 def test_the_coordinates_of_an_implicit_branch_move_as_its_slow_variables_do(name):
     # d/dt of what a slow variable is on M0, along the coordinates' rates, is its own rate: order by order.

@@ -145,6 +145,7 @@ def test_the_steps_of_a_series_grow_with_the_chain_and_no_faster() -> None:
     assert spent[2] - spent[1] == pytest.approx(2 * (spent[1] - spent[0]), rel=0.05)
 
 
+@pytest.mark.exhaustive
 def test_numbers_are_inverted_whatever_their_count() -> None:
     series = expand(sheet(chain(40, power=1)), order=1)
     assert not series.is_program

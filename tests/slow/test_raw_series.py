@@ -89,6 +89,7 @@ FIELDS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", thinned(FIELDS, 2))
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
 def test_the_invariance_equation_holds_in_raw_variables_to_the_order(case: str, order: int) -> None:

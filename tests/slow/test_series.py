@@ -192,6 +192,7 @@ def test_permuted_variables_permute_the_coefficients() -> None:
     assert two.coefficients[3] == (one.coefficients[3][z], one.coefficients[3][y])
 
 
+@pytest.mark.exhaustive
 def test_order_ten_of_koper_on_its_implicit_cubic_stays_consistent() -> None:
     series = expand(branch_of(systems.koper(), x=2.4, y=0.0, z=0.5), order=8)
     values = series.terms({"y": 0.05, "z": 0.5}, 0.01)
@@ -367,6 +368,7 @@ def test_kinks_in_fast_variables_expand_on_an_implicit_branch() -> None:
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("jump", "value"),
     [(sp.sign(y - 1), 1), (sp.sign(1 - y), -1), (sp.Heaviside(y - 1), 1), (sp.sign(x - 2), -1)],

@@ -41,6 +41,7 @@ CASES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
 def test_order_m_has_an_error_of_order_epsilon_to_the_m_plus_1(name: str, order: int) -> None:
@@ -62,6 +63,7 @@ def test_order_m_has_an_error_of_order_epsilon_to_the_m_plus_1(name: str, order:
     assert slopes[-1] > order + 0.8, slopes
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", CASES)
 def test_it_agrees_with_the_exact_series(name: str) -> None:
     branch, points = CASES[name]

@@ -270,6 +270,7 @@ def test_three_slow_variables_and_the_order_of_names() -> None:
     np.testing.assert_allclose(values[0], reference, rtol=0, atol=1e-7)
 
 
+@pytest.mark.exhaustive
 def test_a_field_without_jets_is_solved_all_the_same() -> None:
     system = SlowFastSystem(slow={u: -1}, fast={w: sp.Max(u, 0) - w}, epsilon=epsilon)
     manifold = solve_manifold(branch_of(system), region={"u": (0.5, 1.5)}, epsilon=0.05, tolerance=1e-12)
@@ -506,6 +507,7 @@ def test_no_segment_is_solved_where_the_points_allowed_do_not_resolve_the_critic
     assert "the 16641 points allowed do not resolve even the critical manifold along x, y" in manifold.message
 
 
+@pytest.mark.exhaustive
 def test_a_guess_is_improved_where_elements_end_and_nowhere_else(monkeypatch) -> None:
     improved, ends = [], []
     climb = orbit_segments.climb

@@ -304,6 +304,7 @@ def affine(rates: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> arb_mat:
     return arb_mat(size, size, entries + [arb(0)] * size)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", LINEAR)
 @pytest.mark.parametrize(("u", "z"), [(0.0, 0.0), (2.0, 0.0), (-1.0, 2.0)])
 @pytest.mark.parametrize("wide", [0.0, 0.5])

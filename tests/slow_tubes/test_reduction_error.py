@@ -265,6 +265,7 @@ def test_bad_input_is_refused() -> None:
         bound_reduction(series({x: sp.erf(x) + y}, {y: -y + x}, 1), start={"x": 1.0}, span=(0, 1), epsilon=0.1)
 
 
+@pytest.mark.exhaustive
 def test_a_span_counts_from_its_beginning_and_a_proof_says_what_carried_it() -> None:
     manifold = michaelis_menten(1)
     asked = {"start": {"s": 1.0}, "epsilon": 0.03125, "steps": 40}

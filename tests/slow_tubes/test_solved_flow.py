@@ -76,6 +76,7 @@ def arguments(name: str) -> tuple[sp.Symbol, ...]:
 METHODS = ("residual", "residual_slopes", "normal", "rates", "linearisation", "turning")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", METHODS)
 def test_at_a_point_the_value_is_that_of_the_definition(name: str) -> None:
     solved, exact = flow()
@@ -90,6 +91,7 @@ def test_at_a_point_the_value_is_that_of_the_definition(name: str) -> None:
                 assert float(ball.rad()) <= 1e-12
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", METHODS)
 def test_over_a_box_every_value_in_it_is_held(name: str) -> None:
     solved, exact = flow()

@@ -243,6 +243,7 @@ def residuals_are_held(cases: int) -> None:
                 assert value - mpmath.mpf(10) ** -40 <= balls.above(held)
 
 
+@pytest.mark.exhaustive
 def test_rates_are_those_of_the_field_at_the_point_and_the_epsilon() -> None:
     manifold = solved({x: 1 + 7 * epsilon + y}, {y: x - y}, {"x": (0.0, 1.0)}, 0.125)
     with flint.ctx.workprec(balls.PRECISION):
@@ -254,6 +255,7 @@ def test_rates_are_those_of_the_field_at_the_point_and_the_epsilon() -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_residuals_are_held_and_sharp() -> None:
     residuals_are_held(60)
 

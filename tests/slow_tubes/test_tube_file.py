@@ -275,6 +275,7 @@ def test_huge_expressions_are_refused_by_name(expression: str, words: str, proof
     assert words in rejected(mutant, tmp_path / "p.json")
 
 
+@pytest.mark.exhaustive
 def test_a_check_takes_few_operations(proof: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = counted_products(monkeypatch)
     found = checked(proof, tmp_path / "p.json")

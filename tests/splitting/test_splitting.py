@@ -120,6 +120,7 @@ NONLINEAR = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", NONLINEAR)
 def test_state_dependent_directions_are_split_by_nonlinear_integrals(case: str) -> None:
     rates, word = NONLINEAR[case]

@@ -50,6 +50,7 @@ def test_json_says_dimensions_shapes_and_values(name: str) -> None:
     assert content["variables"]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(TABULAR, 2))
 def test_a_dataset_holds_what_json_says(name: str) -> None:
     result = noun(name)
