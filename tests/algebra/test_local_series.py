@@ -13,6 +13,7 @@ from gsp.algebra.functions import RULES
 from gsp.algebra.local_series import BITS, LocalRing, LocalSeries
 from gsp.algebra.ring import read
 from gsp.errors import HyperbolicityError
+from tests.cases import sampled
 
 x, y = sp.symbols("x y")
 DEGREE = 3
@@ -46,9 +47,11 @@ EXPRESSIONS |= {
     for name, rule in RULES.items()
     if rule.at_zero is not None or name == "log"
 }
+# Functions by the same rules as others.
+ONE_OF_EACH = set(EXPRESSIONS) - {"erf", "sinh", "asinh", "tanh", "atan", "asin", "atanh", "a quotient"}
 
 
-@pytest.mark.parametrize("name", [name for name in EXPRESSIONS if name != "erf"])
+@pytest.mark.parametrize("name", sampled((name for name in EXPRESSIONS if name != "erf"), always=ONE_OF_EACH))
 def test_coefficients_are_derivatives_and_exact(name: str) -> None:
     expression, point = EXPRESSIONS[name]
     ring = LocalRing(2, DEGREE)

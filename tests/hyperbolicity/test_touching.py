@@ -7,6 +7,7 @@ import sympy as sp
 
 import gsp
 from gsp.critical.loss_kind import LossKind
+from tests.cases import crossed
 
 x, y, u, v, eps = sp.symbols("x y u v epsilon")
 REGION = {"x": (0, 2)}
@@ -33,8 +34,7 @@ def implicit(least, at):
     return {y: -((x - at) ** 2 + least) * (y**5 + y - x)}
 
 
-@pytest.mark.parametrize("at", [1, sp.Rational(1, 3), sp.sqrt(2)])
-@pytest.mark.parametrize("fast", [real, pair, implicit])
+@pytest.mark.parametrize(("fast", "at"), crossed([real, pair, implicit], [1, sp.Rational(1, 3), sp.sqrt(2)]))
 def test_a_gap_below_what_doubles_tell_from_zero_is_a_gap(fast, at):
     least = sp.Rational(1, 10**12)
     found = verdict(fast(least, at))

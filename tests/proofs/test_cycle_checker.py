@@ -14,7 +14,7 @@ from gsp.errors import GspError
 from gsp.proofs import cycle_checker
 from gsp.proofs.programs import Rejected
 from gsp.proofs.verification import verify
-from tests.cases import thinned
+from tests.cases import sampled
 from tests.cycles.systems import R, fitzhugh_nagumo, lengyel_epstein, orbit_of, van_der_pol
 from tests.proof_files import Change, changed, number, written
 
@@ -163,7 +163,11 @@ def test_a_proof_is_accepted_and_says_what_was_proved(proof: dict) -> None:
     assert cycle_checker.check(other).as_dict()["annuli"][0]["contraction"] is None
 
 
-@pytest.mark.parametrize("name", thinned(CHANGES, 3))
+# What the checker refuses by its last conditions, after seconds of work.
+LATE = {"a longer period", "a coarse grid", "a grid that begins too late"}
+
+
+@pytest.mark.parametrize("name", sampled(CHANGES, always=set(list(CHANGES)[::3]) - LATE))
 def test_a_changed_proof_is_rejected(proof: dict, name: str) -> None:
     other = copy.deepcopy(proof)
     CHANGES[name](other)

@@ -14,6 +14,7 @@ from gsp.cli import cli
 from gsp.proofs import passage_checker
 from gsp.proofs.programs import Rejected
 from gsp.proofs.verification import verify
+from tests.cases import sampled
 from tests.cycles.systems import R, epsilon, system, van_der_pol, x, y
 from tests.proof_files import Change, changed, number, written
 
@@ -191,7 +192,16 @@ def test_a_proof_is_accepted_and_says_what_was_proved(proofs: dict[str, dict], n
     assert ("z0 = y - (1/3)" in str(found)) == (name == "crossing")
 
 
-@pytest.mark.parametrize("name", CHANGES)
+# What the checker refuses by its last conditions, after seconds of work.
+LATE = {
+    "fold: a pole", "fold: a shorter time", "fold: a longer time", "fold: lines that meet",
+    "fold: a grid that begins too late",
+    "fold: a larger contraction", "fold: far larger contraction", "crossing: a larger contraction",
+    "crossing: far larger contraction", "crossing: a longer time",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sampled(CHANGES, always=set(CHANGES) - LATE))
 def test_a_changed_proof_is_rejected(proofs: dict[str, dict], name: str) -> None:
     kind, change = CHANGES[name]
     other = copy.deepcopy(proofs[kind])

@@ -320,7 +320,7 @@ def test_a_call_that_stands_in_many_places_counts_once() -> None:
     assert extrema.atoms(sp.Max) == {sp.Max(1, x)}
 
 
-@pytest.mark.parametrize("key", sampled(HOSTILE, always=set(HOSTILE) - {"wide cosh"}))
+@pytest.mark.parametrize("key", sampled(HOSTILE, always=set(HOSTILE) - {"wide cosh", "wide tanh", "roots"}))
 def test_hostile_text_is_refused_at_once(key):
     # Unguarded, these take minutes or the memory of the machine.
     with calls_within(MOST_CALLS), pytest.raises(ModelFileError):

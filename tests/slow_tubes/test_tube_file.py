@@ -199,7 +199,14 @@ MUTATIONS: dict[str, Callable[[dict], object]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", MUTATIONS)
+# What the checker refuses by its last conditions, after a second of work.
+LATE = {
+    "a larger epsilon with its cones", "a tube a little too thin", "a steeper collar",
+    "cones much too flat", "cones much too steep",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sampled(MUTATIONS, always=set(MUTATIONS) - LATE))
 def test_a_changed_proof_is_rejected(name: str, proof: dict, tmp_path: Path) -> None:
     mutant = copy.deepcopy(proof)
     MUTATIONS[name](mutant)
