@@ -9,6 +9,7 @@ from typing import Any, Never
 import sympy as sp
 from sympy.printing.codeprinter import CodePrinter
 
+from gsp.algebra.bounded_quotients import finite
 from gsp.algebra.doubles import nearest_double
 from gsp.algebra.sharing import is_shared, named_parts
 from gsp.errors import UnsupportedFunctionError
@@ -60,7 +61,7 @@ class Printer(CodePrinter):
         if any(map(is_shared, outputs)):
             shared, results = named_parts(outputs, symbols, places)
         else:
-            placed = [output.xreplace(places) for output in outputs]
+            placed = [finite(output.xreplace(places)) for output in outputs]
             shared, results = sp.cse(placed, symbols=symbols, order="none")
         lines = []
 

@@ -12,6 +12,8 @@ from typing import Any
 
 import sympy as sp
 
+from gsp.algebra.bounded_quotients import bounded_logarithm, bounded_quotient
+from gsp.algebra.differentiation import bounded_product
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, parts
 from gsp.kernels import jets
 
@@ -174,9 +176,12 @@ class _TapeWriter:
         if e.is_Add:
             return self._sum(e)
         if e.is_Mul:
-            return self._product(e)
+            bounded = bounded_product(bounded_quotient(e))
+            return self._product(e) if bounded is e else self.read(bounded)
         if e.is_Pow and e.exp.is_Integer:
             return self._power(e.base, int(e.exp))
+        if isinstance(e, sp.log) and (bounded := bounded_logarithm(e)) is not e:
+            return self.read(bounded)
         name, arguments = parts(e)
         if name in COMPOSED:
             return composed(name, [self.read(argument) for argument in arguments])

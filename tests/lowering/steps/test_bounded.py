@@ -8,8 +8,12 @@ import sympy as sp
 
 import gsp
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.languages import PYTHON
+from gsp.algebra.printing import Printer
 from gsp.errors import Status
+from gsp.kernels import jets
 from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.tape import write_tape
 
 x, y, eps = sp.symbols("x y epsilon")
 HALF = sp.Rational(1, 2)
@@ -22,6 +26,17 @@ GATES = {
     "between two": sp.exp(-U) / (1 + sp.exp(-U)) ** 2,
     "cosh": 1 / sp.cosh(U),
 }
+SUMS = {
+    "softplus": sp.log(1 + sp.exp(U)),
+    "softplus below": sp.log(3 + x**2 + 2 * sp.exp(-U)),
+    "two sums": (x + 10 * sp.exp(U)) / (1 + sp.exp(U)),
+    "sums of powers": sp.exp(U) * (x + 10 * sp.exp(U) + 1) / (1 + sp.exp(U)) ** 3,
+    "tanh written out": (sp.exp(U) - sp.exp(-U)) / (sp.exp(U) + sp.exp(-U)),
+    "cosh in both": (x + 10 * sp.cosh(U)) * sp.sinh(U) / sp.cosh(U) ** 3,
+    "roots": (sp.exp(U / 2) - sp.exp(U / 3)) / (1 + sp.exp(U)),
+    "one of two": sp.exp(U - 3) * (2 + sp.exp(U)) / (1 + sp.exp(U)) ** 2,
+}
+PLACES = (sp.Rational(1, 20), sp.Rational(49, 100), HALF, sp.Rational(51, 100), sp.Rational(19, 20))
 
 
 @pytest.mark.parametrize("gate", GATES.values(), ids=GATES)
@@ -57,3 +72,41 @@ def test_a_formula_of_the_critical_manifold_that_overflows_is_no_loss_of_hyperbo
         flow = gsp.restrict(gsp.expand(branch, order=0), order=0)
         run = gsp.integrate(flow, start={"x": 0}, span=(0, 0.9), epsilon=0.01)
         assert run.status is Status.NON_FINITE, run.message
+
+
+@pytest.mark.parametrize("part", SUMS.values(), ids=SUMS)
+def test_quotients_and_logarithms_of_sums_of_exponentials_have_their_values_on_every_way(part) -> None:
+    system = gsp.SlowFastSystem(slow={x: part}, fast={y: -y}, epsilon=eps)
+    tape = write_tape(system)
+    steps, (result,) = Printer(PYTHON, {x: "x"}).steps([part], iter("abcdefghijk"))
+    code = "".join(f"{name} = {line}\n" for name, line in steps) + f"value = {result}"
+    for at in PLACES:
+        exact = float(sp.N(part.subs(x, at), 30, maxn=4000))
+        slope = float(sp.N(sp.diff(part, x).subs(x, at), 30, maxn=4000))
+        # log(1 + exp(-20)) is rounded as 1 is.
+        close = pytest.approx(exact, rel=1e-12, abs=1e-13)
+        assert compile_function([part], arguments=[x])([float(at)], [np.nan])[0] == close
+        names = {"np": np, "x": float(at)}
+        exec(code, names)
+        assert names["value"] == close
+        coefficients = np.zeros((len(tape.instructions), 2))
+        coefficients[:2] = [[float(at), 1.0], [0.0, 0.0]]
+        constants = tape.constants(np.array([0.01]))
+        for k in (0, 1):
+            jets.values(tape.instructions, constants, coefficients, k, 2)
+        assert coefficients[tape.rates[0]] == pytest.approx([exact, slope], rel=1e-9, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", ["gate", "gate, the other way", "cosh", "softplus"])
+def test_series_and_reduced_flows_pass_where_exponentials_overflow(name: str) -> None:
+    gate = {**GATES, **SUMS}[name]
+    system = gsp.SlowFastSystem(slow={x: 1 - x * y / 100}, fast={y: -y + gate}, epsilon=eps)
+    series = gsp.expand(gsp.solve_critical(system).branches[0], order=1)
+    first = -sp.diff(gate, x) * (1 - x * gate / 100)
+    for at in PLACES:
+        exact = [float(sp.N(h.subs(x, at), 30, maxn=4000)) for h in (gate, 1e-6 * first)]
+        assert series.terms({"x": float(at)}, epsilon=1e-6)[:, 0] == pytest.approx(exact, rel=1e-9, abs=1e-13)
+    for start in (-1, 1):
+        run = gsp.integrate(gsp.restrict(series, order=0), start={"x": start}, span=(0, 1e-3), epsilon=1e-6)
+        assert run.status is Status.SUCCESS
+        assert np.isfinite([run["x"][-1], run["y"][-1]]).all()

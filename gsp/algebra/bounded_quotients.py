@@ -1,0 +1,128 @@
+"""Quotients of sums of exponentials, finite where the sums overflow: each exponential is a quotient of two below 1.
+
+With e1 = exp(min(u, 0)) and e2 = exp(min(-u, 0)), exp(u) = e1/e2, and one of the two is 1. An expression is written as
+
+    value e1^-c e2^-d,                                                                                        (1)
+
+the value a polynomial in e1, e2, or a quotient of such: sums are made homogeneous, so that in 1 + exp(u) = (e1 + e2)/e2
+no term is above 1, and what grows is in the powers alone.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Any, NamedTuple
+
+import sympy as sp
+
+from gsp.algebra.differentiation import bounded_product
+from gsp.algebra.sharing import is_shared
+
+_WAVES = (sp.exp, sp.cosh, sp.sinh)
+_Powers = dict[Any, int]
+
+
+class _Written(NamedTuple):
+    """An expression as (1): `powers` has c by -u and d by u, for each u."""
+
+    value: Any
+    powers: _Powers
+
+
+def bounded_quotient(expression: Any) -> Any:
+    """A product over and under a bar of sums of exp, cosh and sinh, none of which overflows then; itself if it is none.
+
+    The same number: (a + b exp(u))/(c + d exp(u)) is (a e2 + b e1)/(c e2 + d e1).
+    """
+    if is_shared(expression):
+        return expression
+    below = [f.base for f in expression.args if f.is_Pow and f.exp.is_Integer and f.exp.is_negative]
+    above = [f.base if f.is_Pow else f for f in expression.args]
+    if not (any(map(_waves, below)) and any(f.is_Add and f not in below and _waves(f) for f in above)):
+        return expression
+    value, powers = _written(expression, {})
+    return value * sp.exp(_exponent(powers))
+
+
+def bounded_logarithm(expression: Any) -> Any:
+    """log of a sum of exponentials, such as log(1 + exp(u)) = max(u, 0) + log(e1 + e2); itself of anything else."""
+    (inside,) = expression.args
+    if is_shared(inside) or not (inside.is_Add and _waves(inside)):
+        return expression
+    value, powers = _written(inside, {})
+    return sp.log(value) + _exponent(powers)
+
+
+def _exponent(powers: _Powers) -> Any:
+    """The logarithm of e1^-c e2^-d, in one sum: what falls makes up for what grows."""
+    return sp.Add(*(power * (u + sp.Abs(u)) / 2 for u, power in powers.items()))
+
+
+def finite(expression: Any) -> Any:
+    """`expression` with all its products and logarithms of exponentials finite where their values are."""
+    if not _waves(expression):
+        return expression
+    if expression.is_Mul:
+        bounded = bounded_product(bounded_quotient(expression))
+    else:
+        bounded = bounded_logarithm(expression) if isinstance(expression, sp.log) else expression
+    if bounded is not expression:
+        return finite(bounded)
+    return expression.func(*map(finite, expression.args))
+
+
+def _waves(expression: Any) -> bool:
+    return any(_is_wave(e) for e in expression.atoms(*_WAVES))
+
+
+def _is_wave(e: Any) -> bool:
+    # |u| is what exponents have in what is written here.
+    return isinstance(e, _WAVES) and bool(e.free_symbols) and not e.has(sp.Abs)
+
+
+def _below_one(u: Any) -> Any:
+    """exp(min(u, 0)); of a double u the difference of u and |u| is exact."""
+    return sp.exp((u - sp.Abs(u)) / 2)
+
+
+def _written(e: Any, known: dict[Any, _Written]) -> _Written:
+    if e not in known:
+        known[e] = _fresh(e, known)
+    return known[e]
+
+
+def _fresh(e: Any, known: dict[Any, _Written]) -> _Written:
+    if _is_wave(e):
+        return _wave(e)
+    if not (e.is_Add or e.is_Mul or (e.is_Pow and e.exp.is_Integer)) or not _waves(e):
+        return _Written(e, {})
+    parts = [_written(part, known) for part in (e.args[:1] if e.is_Pow else e.args)]
+    if e.is_Pow:
+        return _Written(parts[0].value ** e.exp, {u: int(e.exp) * n for u, n in parts[0].powers.items()})
+    exponents = {u: None for part in parts for u in part.powers}
+    if e.is_Mul:
+        powers = {u: sum(part.powers.get(u, 0) for part in parts) for u in exponents}
+        return _Written(sp.Mul(*(part.value for part in parts)), powers)
+    most = {u: reduce(max, (part.powers.get(u, 0) for part in parts)) for u in exponents}
+    terms = [
+        sp.Mul(part.value, *(_below_one(-u) ** (most[u] - part.powers.get(u, 0)) for u in exponents))
+        for part in parts
+    ]
+    return _Written(sp.Add(*terms), most)
+
+
+def _wave(e: Any) -> _Written:
+    content, u = sp.expand(e.args[0]).as_content_primitive()
+    if u.could_extract_minus_sign():
+        content, u = -content, -u
+    # exp(2 x/3) and exp(x/3) have their common root.
+    n, root = int(content.p), u / content.q
+    if not isinstance(e, sp.exp):
+        # (exp(n u) + exp(-n u))/2, and that times tanh, which keeps its digits where sinh is small.
+        up, down = _below_one(root) ** abs(n), _below_one(-root) ** abs(n)
+        half = (up**2 + down**2) / 2
+        value = half if isinstance(e, sp.cosh) else half * sp.tanh(e.args[0])
+        return _Written(value, {root: abs(n), -root: abs(n)})
+    if n > 0:
+        return _Written(_below_one(root) ** n, {root: n})
+    return _Written(_below_one(-root) ** -n, {-root: -n})
