@@ -18,7 +18,12 @@ HELPERS = {
     "positive": (("u",), POSITIVE),
     "near": (("u",), "(1 + atan(tan(pi*u - 1)))/pi"),
     "flr": (("u",), "u - near(u) - (1 - sign(near(u) + 1e-9))/2"),
-    "mod": (("u", "w"), "u - w*flr(u/w)"),
+    "rest": (("u", "w"), "u - w*flr(u/w)"),
+    # The rest that C has, with the sign of u, and w more where that is negative: by a negative w it is below w then.
+    "mod": (
+        ("u", "w"),
+        "rest(u, abs(w)) + (w - abs(w))*(1 - sign(u))*(1 + sign(rest(u, abs(w)) - 1e-9*abs(w)))/4",
+    ),
 }
 
 
@@ -49,6 +54,9 @@ class Helpers:
 def _worked_out(found: re.Match[str]) -> str:
     """`mod` or `flr` of numbers, exactly; as it stands where it is of none or of too many."""
     u, w = Fraction(found[2]), Fraction(found[3] or 0)
-    if (found[1] == "flr") == (w == 0):
-        return f"({u // 1})" if found[1] == "flr" else f"({u - w * (u // w)})"
-    return found[0]
+    if (found[1] == "flr") != (w == 0):
+        return found[0]
+    if found[1] == "flr":
+        return f"({u // 1})"
+    rest = u % abs(w)
+    return f"({rest + w - abs(w) if u < 0 < rest else rest})"

@@ -338,6 +338,24 @@ def test_a_mod_is_that_of_a_whole_period_and_of_none_on_its_jumps_too() -> None:
         assert found(float(value)) == pytest.approx((value % 3, np.floor(value)), abs=1e-9 * max(1, abs(value)))
 
 
+def test_a_mod_by_a_negative_number_is_the_rest_with_the_sign_of_the_first_and_once_more_where_that_is_negative() -> (
+    None
+):
+    text = "par w=-2\nx'=mod(x,w)\ny'=mod(x,-2)\nz'=mod(-3.3,-2)+10*mod(3.3,-2)+100*mod(-4,-2)\n"
+    scene = imported(read_ode(text), small=None, read=lambda d: scene_of(parsed(d), Path("rests.ode")))[1]
+    system = scene.system
+    (x, _, _), (named, written, constant) = (
+        system.states,
+        (r.xreplace(dict(system.parameters)) for r in system.rates),
+    )
+    assert float(constant) == pytest.approx(-3.3 + 10 * 1.3)
+    found = sp.lambdify(x, (named, written), "numpy")
+    for value in (*np.arange(-6.0, 6.5, 0.5), *np.random.default_rng(1).uniform(-1e3, 1e3, 200)):
+        rest = np.fmod(value, -2.0)
+        expected = rest - 2.0 if rest < 0.0 else rest
+        assert found(float(value)) == pytest.approx((expected, expected), abs=1e-9 * max(1, abs(value)))
+
+
 def test_what_xppaut_takes_a_step_late_is_where_its_runs_tend() -> None:
     text = "a=b^2+1\nb=c-y\nc=x*y\nx'=-a\ny'=b\ninit x=1,y=2\n"
     scene_text = text.replace("x'=-a", "x'=-a+0*eps").replace("y'", "par eps=.1\nz'=-z/eps\ny'")
