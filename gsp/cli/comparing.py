@@ -146,6 +146,10 @@ def sweep(
             f"{plan} holds a sweep with its own plan.", "Leave -o and --anew out, or give a plan file."
         )
     if status:
+        if not plan.exists():
+            raise DeclarationError(
+                f"there is no plan file and no folder {plan}.", "A sweep makes its folder when it begins."
+            )
         found = Sweep(folder)
     elif begun and ":" in Sweep(folder).plan.task:
         # The folder is untrusted: it may name any function.

@@ -82,6 +82,7 @@ def test_the_command_starts_goes_on_and_tells_how_far_it_is(tmp_path: Path) -> N
     file, folder = tmp_path / "plan.toml", tmp_path / "runs"
     file.write_text(PLAN)
     assert run(file, "-o", folder, "--status").exit_code != 0
+    assert "no plan file and no folder" in str(run(folder, "--status").exception)
     begun = run(file, "-o", folder, "--workers", 1)
     assert begun.exit_code == 0, begun.output
     assert "6 of 6 points" in begun.output
