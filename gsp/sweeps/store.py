@@ -185,5 +185,7 @@ def kept(root: Path) -> Store:
         saved = json.loads((root / "plan.json").read_text(encoding="utf-8"))
         data = Path(saved["data"]).name
     except (OSError, ValueError, KeyError, TypeError):
-        raise OutputError(f"{root} holds no sweep.", "Start one with `gsp sweep PLAN -o FOLDER`, or sweep(..., into=...).") from None
+        raise OutputError(
+            f"{root} holds no sweep.", "Start one with `gsp sweep PLAN -o FOLDER`, or sweep(..., into=...)."
+        ) from None
     return Store.open(root / data)
