@@ -170,7 +170,7 @@ class Hyperbolicity(Card):
                 judged,
                 gap=found.gap,
                 rates=replace(judged.rates, normal=found.gap),
-                conditions=tuple(_by_proof(condition, found, self.epsilon) for condition in judged.conditions),
+                conditions=tuple(_by_proof(condition, found, judged) for condition in judged.conditions),
                 certificate=found,
                 evidence=f"proved on {found.where}; {sampled:.6g} at the samples",
             )
@@ -372,12 +372,16 @@ def _conditions(
         )
 
 
-def _by_proof(condition: Condition, found: Certificate, epsilon: float | None) -> Condition:
-    """The condition with its number as it is proved, where it is."""
+def _by_proof(condition: Condition, found: Certificate, judged: Hyperbolicity) -> Condition:
+    """The condition with its number as it is proved, where it is; r is not, without an epsilon of the proof's own."""
     if condition.name == HYPERBOLIC:
         needed, value = "least |Re lambda|, proved; above 0 needed", found.gap
-    elif condition.name == DOMINATES and found.epsilon == epsilon:
+    elif condition.name == DOMINATES and found.epsilon == judged.epsilon:
         needed, value = "proved; at least 1 needed for a C^1 manifold", found.rate_ratio
+    elif condition.name == DOMINATES and judged.epsilon is not None:
+        r = replace(judged.rates, normal=found.gap).r(judged.epsilon)
+        needed = f"at the samples, {r:.6g} with the proved gap; at least 1 needed for a C^1 manifold"
+        return replace(condition, requirement=needed)
     else:
         return condition
     return replace(condition, value=value, requirement=needed, holds=True, is_proved=True)

@@ -52,7 +52,9 @@ def test_a_condition_has_the_number_that_is_proved() -> None:
     met = classify(branch, region={"x": (0, 1)}, epsilon=0.1)
     assert "at the samples" in next(c.fact for c in met.conditions if c.name == "hyperbolic equilibria")
     half = met.with_proof()
-    assert not next(c for c in half.conditions if c.name == "normal rate dominates").is_proved
+    ratio = next(c for c in half.conditions if c.name == "normal rate dominates")
+    assert not ratio.is_proved
+    assert f"at the samples, {half.rates.r(0.1):.6g} with the proved gap; at least 1" in ratio.fact
     assert half.gap == half.certificate.gap
 
 
