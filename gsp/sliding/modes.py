@@ -19,6 +19,8 @@ from gsp.algebra.sharing import size
 from gsp.integration.events import Event
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_over
+from gsp.proofs.ball_functions import BallFunction
+from gsp.sliding.between import enclosed
 from gsp.sliding.crossing_field import CrossingField
 from gsp.splitting.fast_part import adjugate_and_determinant
 from gsp.systems.declaration import exact
@@ -96,6 +98,11 @@ class SwitchMode:
         if phi and D.has(*self.field.states):
             found.append(Event(D, direction=-1, terminal=True, name="both"))
         return tuple(found)
+
+    @cached_property
+    def enclosed_events(self) -> list[BallFunction] | None:
+        """The functions of the events in balls."""
+        return enclosed(self.flow, self.events)
 
     @cached_property
     def _tests(self) -> CompiledFunction:

@@ -13,12 +13,14 @@ import sympy as sp
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status
 from gsp.integration.events import Event
-from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_function import compile_function
+from gsp.proofs.ball_functions import BallFunction
 from gsp.results.drawn import Drawn
 from gsp.results.table import Names
 from gsp.results.tabular import Tabular
 from gsp.roots import root
+from gsp.sliding.between import enclosed, run_to_event
 from gsp.sliding.law import LawEndKind, SwitchLaw
 from gsp.systems.flow import Point, Values, check_epsilon, values_by_name
 from gsp.systems.system import VectorField
@@ -36,6 +38,7 @@ class NoSlip(Drawn, Tabular):
     |lambda| over mu N, 1 where it lets go on the way, and more where it does not hold from the start. Where one lets
     go, `loss` says how, `contact` which, `time` when and `place` where; those are None where no-slip holds. `names` are
     the contacts' slip velocities, and `observed` what of the run gives their loads and their reaches, see `Contacts`.
+    Where not `is_clear`, enclosures leave room for a strip, passed between the times, in which a contact lets go.
     """
 
     run: Trajectory
@@ -48,6 +51,7 @@ class NoSlip(Drawn, Tabular):
     time: float | None = None
     place: Mapping[str, float] | None = None
     observed: tuple[tuple[str, str], ...] = ()
+    is_clear: bool = True
 
     @property
     def holds(self) -> bool:
@@ -131,7 +135,12 @@ class NoSlip(Drawn, Tabular):
         most = f"the contact of {self.names[contact]} is asked for {share} of what it bears at most"
         if not self.run.status.ok:
             return f"No-slip is open: {self.run.message}. Until then {most}."
-        return f"No-slip holds over t = {self.t[0]:.6g} to {self.t[-1]:.6g}: {most}, at t = {self.t[k]:.6g}."
+        beside = (
+            ""
+            if self.is_clear
+            else " That one lets go in a narrow strip between two such times is not excluded."
+        )
+        return f"No-slip holds over t = {self.t[0]:.6g} to {self.t[-1]:.6g}: {most}, at t = {self.t[k]:.6g}.{beside}"
 
 
 @dataclass(frozen=True)
@@ -198,21 +207,27 @@ class Contacts:
             field.equations, parameters=field.parameters, name=field.name, observables=observed
         ), tuple(pairs)
 
-    def _watched(self, values: dict[str, float], span: tuple[float, float]) -> NoSlip:
-        field, law = self.field, self.law
-        flow, observed = self._flow
-        high = _bears(law)
-        square = sp.Rational(str(high)) ** 2
+    @cached_property
+    def _events(self) -> tuple[list[Event], list[BallFunction] | None]:
+        """Where a contact lets go, or nothing presses it any more, and the same in balls."""
+        square = sp.Rational(str(_bears(self.law))) ** 2
         events = [
             Event(load - square, direction=1, terminal=True, name=f"{i}") for i, load in enumerate(self.loads)
         ]
         events += [
             Event(grip, direction=-1, terminal=True, name=f"{i}.")
             for i, grip in enumerate(self.grips)
-            if not grip.free_symbols.isdisjoint(field.states)
+            if not grip.free_symbols.isdisjoint(self.field.states)
         ]
-        run = trajectory_of(
-            flow, start=values, span=span, rtol=RTOL, atol=ATOL, options=RunOptions(events=events)
+        return events, enclosed(self.field, events)
+
+    def _watched(self, values: dict[str, float], span: tuple[float, float]) -> NoSlip:
+        field, law = self.field, self.law
+        flow, observed = self._flow
+        high = _bears(law)
+        events, functions = self._events
+        run, is_clear = run_to_event(
+            flow, start=values, span=span, rtol=RTOL, atol=ATOL, events=events, functions=functions
         )
         t = run.t[:1]
         if run.t.size > 1:
@@ -229,7 +244,7 @@ class Contacts:
                 run, t[:1], shares[:, :1], names, law, kind, int(over[0]), float(t[0]), first, observed
             )
         if run.status is not Status.EVENT_REACHED:
-            return NoSlip(run, t, shares, names, law, observed=observed)
+            return NoSlip(run, t, shares, names, law, observed=observed, is_clear=is_clear)
         met = next(name for name, found in run.events.items() if len(found.times))
         place = {s.name: float(run[s.name][-1]) for s in field.states}
         last = MappingProxyType(place)

@@ -19,11 +19,12 @@ from gsp.algebra.sharing import size
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import GspError, Reason, Status
 from gsp.integration.loop import check_span
-from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
+from gsp.sliding.between import run_to_event
 from gsp.sliding.crossing_field import CrossingField
 from gsp.sliding.law import LawEndKind, SwitchLaw, switch_law
 from gsp.sliding.modes import SwitchMode, SwitchModes
@@ -136,14 +137,15 @@ def run_piecewise(
     found, t, why = modes.after(signs, among, state), first, Reason()
     while len(found) == 1 and not why and len(pieces) < max_pieces:
         (mode,) = found
-        run = trajectory_of(
+        run = run_to_event(
             mode.flow,
             start=dict(zip((s.name for s in crossing.states), state)),
             span=(t, last),
             rtol=rtol,
             atol=atol,
-            options=RunOptions(events=mode.events),
-        )
+            events=mode.events,
+            functions=mode.enclosed_events,
+        ).run
         t, state = float(run.t[-1]), run.y[:, -1].copy()
         if run.status is not Status.EVENT_REACHED or t >= last:
             why, loss = _ended(run, pieces, last), None
