@@ -29,4 +29,4 @@ def ramp_answers(scene: Scene) -> Mapping[str, CriticalRate | GspError]:
 def drawn_ramp(scene: Scene) -> CriticalRate | None:
     """The first answer with a threshold between a rest point and an edge state, which can be drawn."""
     answers = [a for a in ramp_answers(scene).values() if isinstance(a, CriticalRate)]
-    return next((a for a in answers if a.rates and a.end is not None), None)
+    return next((a for a in answers if a.has_chart), None)

@@ -27,9 +27,14 @@ def critical_rate(found: CriticalRate, axes: Axes, *, name: str | None = None, t
     """
     states = [x.name for x in found.ramped.field.states]
     if found.end is None or not found.rates:
-        raise DeclarationError(
-            "a threshold is drawn where there is one, of a ramp with an end.", got=str(found.verdict)
+        why = (
+            "no critical rate was found"
+            if not found.rates
+            else "the ramp has no end"
+            if found.ramped.ramp.ends[1] is None
+            else "what tips is told by a level, and there is no edge state"
         )
+        raise DeclarationError(f"there is no threshold to draw: {why}.", got=str(found.verdict))
     check_whole(threshold, what="threshold", most=len(found.rates) - 1)
     rate = found.rates[threshold]
     tips_below = found.slow_tips != bool(threshold % 2)

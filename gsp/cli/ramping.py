@@ -15,7 +15,6 @@ from gsp.results.files import write_file
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
-    from gsp.singular.ramps.critical_rate import CriticalRate
     from gsp.singular.ramps.rate_diagram import RateDiagram
 
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     metavar="LOW:HIGH",
     help="Rates against the amplitude: the changes of the ramp times factors between these two.",
 )
-@output_option("Draw the first of them to this file: .png, .svg or .pdf.")
+@output_option("Draw the first that has a threshold to this file: .png, .svg or .pdf.")
 @json_option
 def ramp(scene: Scene, name: str | None, amplitudes: str | None, output: Path | None, as_json: bool) -> None:
     """Find the rates at which the ramps of MODEL tip.
@@ -37,7 +36,7 @@ def ramp(scene: Scene, name: str | None, amplitudes: str | None, output: Path | 
     errors, and on which side of them the ramp tips.
     """
     from gsp import charts
-    from gsp.singular.ramps.critical_rate import critical_rate
+    from gsp.singular.ramps.critical_rate import CriticalRate, critical_rate
     from gsp.singular.ramps.rate_diagram import rate_diagram
 
     if output is not None:
@@ -70,16 +69,18 @@ def ramp(scene: Scene, name: str | None, amplitudes: str | None, output: Path | 
         check_interrupt()
     if refused is not None and not found:
         raise refused
-    if output is not None:
-        picture = charts.drawn(charts.draw(next(iter(found.values()))), output.suffix[1:].lower())
-        write_file(picture, output)
-        wrote(output)
     if as_json:
         print_json({each: answer.as_json() for each, answer in found.items()})
     else:
         for each, answer in found.items():
             click.echo(f"{each}: {answer}")
-        if output is not None:
+    if output is not None:
+        # The first that has a threshold; where none has one, the chart of the first says why.
+        answers = list(found.values())
+        shown = next((a for a in answers if not isinstance(a, CriticalRate) or a.has_chart), answers[0])
+        write_file(charts.drawn(charts.draw(shown), output.suffix[1:].lower()), output)
+        wrote(output)
+        if not as_json:
             click.echo(f"chart: {output}")
     if refused is not None:
         raise refused

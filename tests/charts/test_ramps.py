@@ -47,7 +47,11 @@ def test_a_diagram_shades_what_tips() -> None:
 
 def test_what_has_no_threshold_is_not_drawn() -> None:
     endless = gsp.critical_rate(FIELD, ramp=gsp.Ramp.linear({l: 0}), start={"x": -1})
-    with pytest.raises(DeclarationError, match="where there is one"):
+    with pytest.raises(DeclarationError, match="no threshold to draw: the ramp has no end"):
         charts.critical_rate(endless)
+    returns = gsp.Ramp.there_and_back({l: (0, 0.5)})
+    never = gsp.critical_rate(FIELD, ramp=returns, start={"x": -1}, edge={"x": 1})
+    with pytest.raises(DeclarationError, match=r"no critical rate was found\. Got never tips"):
+        charts.critical_rate(never)
     with pytest.raises(DeclarationError, match="name is that of a state"):
         charts.critical_rate(window(), name="y")

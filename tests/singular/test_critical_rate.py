@@ -252,3 +252,25 @@ def test_a_ramp_there_and_back_past_one_fold_of_two_leaves_its_branch() -> None:
 def test_a_ramp_without_end_tells_its_start() -> None:
     field = gsp.VectorField({x: (x + l) ** 2 - 1}, epsilon=None, parameters={l: 0})
     assert "start x = -1, l = 0" in str(gsp.critical_rate(field, ramp=gsp.Ramp.linear({l: 0}), start={"x": -1}))
+
+
+def test_the_command_draws_the_first_ramp_with_a_threshold_and_tells_them_all(tmp_path) -> None:
+    from click.testing import CliRunner
+
+    from gsp.cli import cli
+
+    never = '[ramps.a]\nprofile = "there and back"\nparameters = {l = [0, 0.5]}\nedge = {x = 1}\n'
+    tips = '[ramps.b]\nprofile = "logistic"\nparameters = {l = [0, 3]}\nedge = {x = -2}\n'
+    head = '[parameters]\nl = 0\n[states]\nx = "(x + l)^2 - 1"\n[start]\nx = -1\n[scene]\nspan = [0, 5]\n'
+    file, chart = tmp_path / "model.toml", tmp_path / "chart.svg"
+    file.write_text(head + never + tips)
+    done = CliRunner().invoke(cli, ["ramp", str(file), "-o", str(chart)])
+    assert done.exit_code == 0
+    assert chart.is_file()
+    chart.unlink()
+    file.write_text(head + never)
+    done = CliRunner().invoke(cli, ["ramp", str(file), "-o", str(chart)])
+    # What is known is told, though nothing can be drawn.
+    assert "a: never tips" in done.output
+    assert done.exit_code != 0
+    assert not chart.exists()

@@ -311,3 +311,22 @@ def test_among_windows_without_end_no_single_rate_is_the_one_above_which_ramps_t
     # Which of them are found differs between processors, as chaotic runs do.
     assert found.verdict in (TippingVerdict.WINDOWS, TippingVerdict.UNDECIDED)
     assert "runs end differently where no orbit from the start meets the edge" in found.message
+
+
+def test_a_ramp_to_a_level_is_run_at_any_rate() -> None:
+    """An excitable state comes back to rest when the ramp is over, and has been beyond the level above the rate."""
+    w = sp.Symbol("w")
+    field = gsp.VectorField(
+        {x: 20 * (x - x**3 / 3 - w + l), w: x + sp.Rational(7, 10) - sp.Rational(4, 5) * w},
+        epsilon=None,
+        parameters={l: 0},
+    )
+    found = gsp.critical_rate(
+        field, ramp=Ramp.tanh({l: (0, sp.Rational(3, 10))}), start={"x": -1.2, "w": -0.62}, edge={"x": 1}
+    )
+    assert found.verdict is TippingVerdict.ABOVE
+    assert not found.has_chart
+    runs = [found.run(found.rate * factor) for factor in (0.99, 1.01)]
+    assert [run["x"].max() > 1 for run in runs] == [False, True]
+    rest = brentq(lambda v: v - v**3 / 3 - (v + 0.7) / 0.8 + 0.3, -1.5, -0.5)
+    assert [run["x"][-1] for run in runs] == pytest.approx([rest, rest], abs=1e-3)

@@ -42,7 +42,7 @@ class CriticalRate(Drawn, Tabular):
 
     - `verdict`; `rates` (k,), ascending, and their `errors` (k,), from twice the degree and from rounding;
     - `connections`, the orbits from start to edge, states over the ramp's phase, one for each rate;
-    - `start` and `edge` by name, None where the ramp has no end; `message` says what else is known;
+    - `start` and `edge` by name, None where the ramp has no edge state; `message` says what else is known;
     - `slow_tips` tells whether slow ramps tip, and `ramped` is the field along the ramp.
 
     "Always" and "never" are of the limits of slow and fast ramps and of what was found between them: by Newton's method
@@ -72,21 +72,37 @@ class CriticalRate(Drawn, Tabular):
 
     @cached_property
     def end(self) -> Place | None:
-        """The edge state; None where the ramp has no end."""
+        """The edge state; None where there is none."""
         return None if self.edge is None else Place(self.ramped.ends[1], self._place(self.edge))
 
     def _place(self, values: Mapping[str, float]) -> np.ndarray:
         return np.array([values[x.name] for x in self.ramped.field.states])
 
     def run(self, rate: float, *, after: float | None = None) -> RampRun:
-        """The run along the ramp at that rate, and on for the time `after`, by default twelve of the edge's."""
+        """The run along the ramp at that rate, and on for the time `after`.
+
+        That is by default twelve of the edge state's, or, without one, of the rest point's to which the start leads.
+        """
         check_number(rate, what="rate", be="a positive number", above=0.0)
-        if self.end is None:
+        last = self.ramped.ramp.ends[1]
+        if last is None:
             raise RampError(
                 "a ramp without end has no last state to run to.", "Integrate the field with its ramp."
             )
-        unstable = float(self.ramped.growth(self.end)[-1])
-        return run_ramp(self.ramped, self.begin, rate, after=12.0 / unstable if after is None else after)
+        if after is None:
+            rest = self.end or self.ramped.followed(self.begin, self.ramped.ends[1])[-1]
+            if rest.s != self.ramped.ends[1]:
+                raise RampError(
+                    "the rest point of the start is lost on the way, so that nothing says how long to run on.",
+                    "Give the time beyond the ramp, after=...",
+                )
+            after = 12.0 / abs(float(self.ramped.growth(rest)[-1]))
+        return run_ramp(self.ramped, self.begin, rate, after=after)
+
+    @property
+    def has_chart(self) -> bool:
+        """Whether there is a threshold between a rest point and an edge state, which a chart draws."""
+        return bool(self.rates) and self.end is not None
 
     @property
     def error(self) -> float | None:
