@@ -33,6 +33,12 @@ def orders_through(order: int | None) -> dict[str, Any]:
     return {"orders": tuple(range(order + 1))}
 
 
+def _alone(context: click.Context, option: click.Parameter, value: str | None) -> str | None:
+    if value is not None and "," in value:
+        raise click.BadParameter(f"{value[:80]!r} is more than one name. Give one parameter.", context, option)
+    return value
+
+
 OPTIONS = {
     "set": click.option(
         "--set", "settings", multiple=True, metavar="NAME=VALUE",
@@ -46,6 +52,9 @@ OPTIONS = {
     "small": click.option(
         "--small", metavar="NAME[,NAME]",
         help="Which parameter is small; of two, the fastest first [as in the model, else found].",
+    ),
+    "small alone": click.option(
+        "--small", metavar="NAME", callback=_alone, help="Which parameter is small [the model's]."
     ),
     "fast": click.option(
         "--fast", metavar="NAME,...", help="Which variables are fast, if no parameter is small."

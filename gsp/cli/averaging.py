@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "small", "start")
+@asks("set", "epsilon", "region", "small alone", "start")
 @click.option("--phase", metavar="NAME", help="The state that turns [the model's].")
 @click.option("--pair", metavar="NAME,NAME", help="Two states that turn about one another [the model's].")
 @click.option("--order", type=int, default=3, show_default=True, help="Highest power of the small parameter.")

@@ -198,7 +198,11 @@ class Nesting(Portable, Drawn):
         renamed = set_apart(self.first.series(0).chart)
         lines += [f"  {new} is {old} on C1, one of the coordinates there" for old, new in renamed.items()]
         if not self.second.branch.is_explicit:
-            lines.append(f"  {middle} stands in what follows for the point of C2 over {slow}")
+            be = "is" if len(self.second.system.y) == 1 else "are"
+            lines.append(
+                f"  {middle} on the right of what follows {be} of the point of C2 over {slow}, on the left of the slow "
+                "manifold"
+            )
         for study_, name in ((self.first, "C1"), (self.second, "C2")):
             new = {} if study_.splitting is None else study_.splitting.coordinates
             told = [f"{s} = {e}" for s, e in new.items() if s != e]

@@ -139,6 +139,11 @@ def small(document: dict) -> tuple[dict, str]:
             "epsilon, at the top of the file, names one small parameter or two, that of the fastest scale first.",
             'Write epsilon = ["epsilon", "delta"].',
         )
+    if named[0] == named[1]:
+        raise ModelFileError(
+            f"epsilon, at the top of the file, names {named[0]} twice.",
+            f"Name it once; `gsp nest --small {named[0]},{named[0]}` takes it for both.",
+        )
     return {**document, "epsilon": named[0]}, named[1]
 
 

@@ -159,7 +159,8 @@ class Scene(Question, Card):
             raise DeclarationError.none_of(
                 parameters if self.has_small else (),
                 self.second,
-                f"second is {shown(self.second)}, and it is a parameter of a system with an epsilon.",
+                f"second is {shown(self.second)}, and the second small parameter is a parameter of the system that "
+                "is not its epsilon.",
                 "The parameters are",
             )
 

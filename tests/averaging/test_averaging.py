@@ -395,3 +395,9 @@ def test_the_command_line_says_that_time_is_slow(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli, ["average", str(tmp_path / "model.toml"), "--order", "0"])
     assert done.exit_code == 0, done.output
     assert "the span 50 becomes 5" in done.output
+
+
+def test_the_command_takes_one_small_parameter(tmp_path: Path) -> None:
+    done = CliRunner().invoke(cli, ["average", str(tmp_path / "model.toml"), "--small", "g,h"])
+    assert done.exit_code == 2
+    assert "'g,h' is more than one name. Give one parameter." in done.output

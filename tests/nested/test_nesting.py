@@ -179,6 +179,8 @@ def test_implicit_manifolds_are_nested_too() -> None:
     assert sp.cancel(found.manifold[0, 1][x0] - right) == 0
     assert gsp.compare(found).slopes == pytest.approx({0: 1, 1: 2}, abs=0.1)
     assert f"{x0} is x on C1" in found.explain()
+    # On the left of a row is the slow manifold, on the right the point of C2 under it.
+    assert f"{x0} on the right of what follows is of the point of C2 over z, on the left" in found.explain()
 
 
 @pytest.mark.exhaustive
@@ -369,9 +371,9 @@ def test_a_model_file_names_both_and_is_written_back(tmp_path: Path) -> None:
     assert gsp.load(tmp_path / "again.toml").second == "delta"
     # Another small parameter is another question.
     assert gsp.take_small(read, parameter="delta").second == ""
-    for wrong in ('epsilon = ["epsilon"]', 'epsilon = ["epsilon", "nu"]'):
+    for wrong in ('epsilon = ["epsilon"]', 'epsilon = ["epsilon", "nu"]', 'epsilon = ["delta", "delta"]'):
         file.write_text(MODEL.replace('epsilon = ["epsilon", "delta"]', wrong))
-        with pytest.raises(gsp.GspError, match=r"two, that of the fastest|second is 'nu'"):
+        with pytest.raises(gsp.GspError, match=r"two, that of the fastest|second is 'nu'|delta twice"):
             gsp.load(file)
 
 
