@@ -40,7 +40,7 @@ def test_the_parameter_that_is_small_is_named(motor: Path) -> None:
     assert run("check", motor, "--small", "L").exit_code == 0
     # What is set is set before the parameter is taken, and --epsilon is its value.
     for options in (("--set", "L=0.02"), ("--epsilon", "0.02")):
-        assert "epsilon = 0.02" in run("run", motor, "--small", "L", *options).stdout
+        assert "L = 0.02" in run("run", motor, "--small", "L", *options).stdout
 
 
 def test_variables_that_are_fast_are_named(motor: Path) -> None:

@@ -124,7 +124,7 @@ class Averaging(Drawn, Tabular):
             found, last = moved, step
         if not last <= np.sqrt(np.finfo(float).eps):
             raise GspError(
-                f"the transformation to averaged variables could not be inverted at epsilon = {epsilon:g}.",
+                f"the transformation to averaged variables could not be inverted at {self.epsilon} = {epsilon:g}.",
                 "Take a smaller epsilon or a lower order, or a start away from where the transformation is singular.",
             )
         return {s.name: float(v) for s, v in zip(self._variables, found)}

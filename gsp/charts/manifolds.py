@@ -86,7 +86,8 @@ def slow_line(analysis: Analysis, axes: Axes, on: np.ndarray, leading: np.ndarra
     """The slow manifold `on` (m, 1 + n_fast) as a line, marked where its terms stop falling on the branch `leading`."""
     if not np.isfinite(on[:, 1]).any():
         return
-    axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.2, label=manifold_label(analysis.scene.epsilon), zorder=3)
+    label = manifold_label(analysis.scene.system.epsilon, analysis.scene.epsilon)
+    axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.2, label=label, zorder=3)
     ends = on[ends_of(on, leading)]
     if len(ends):
         axes.plot(
@@ -114,7 +115,8 @@ def _surface(analysis: Analysis, axes: Any) -> None:
         rstride=5,
         cstride=5,
     )
-    axes.plot([], [], [], color=SKY, lw=5, alpha=0.6, label=manifold_label(analysis.scene.epsilon))
+    label = manifold_label(analysis.scene.system.epsilon, analysis.scene.epsilon)
+    axes.plot([], [], [], color=SKY, lw=5, alpha=0.6, label=label)
     for i, run in enumerate(landing):
         x, y, z = run[names[0]], run[names[1]], run[fast]
         axes.plot(

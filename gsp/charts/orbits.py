@@ -183,13 +183,13 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
     The paths where the scene draws one; otherwise the differences of the slow variables from the limit over
     time, each relative to its largest value: they shrink in proportion to epsilon.
     """
-    ladder = sorted(analysis.ladder.items(), reverse=True)
+    ladder, small = sorted(analysis.ladder.items(), reverse=True), analysis.scene.system.epsilon
     if analysis.scene.path is not None:
         names = path_names(analysis)
         limit = dense_run(analysis.limit)
         for colour, (epsilon, run) in zip(LADDER, ladder):
             dense = dense_run(run)
-            axes.plot(dense[names[0]], dense[names[1]], color=colour, lw=1.3, label=at_epsilon(epsilon))
+            axes.plot(dense[names[0]], dense[names[1]], color=colour, lw=1.3, label=at_epsilon(small, epsilon))
         orbit(axes, limit[names[0]], limit[names[1]], BLUE, r"limit $\epsilon \to 0$", arrow=False)
         plane_axes(axes, names)
         return
@@ -199,7 +199,7 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
     for style, name in zip(("-", "--", ":", "-."), names):
         for colour, (epsilon, run) in zip(LADDER, ladder):
             t, difference = _from_limit(analysis, run, name)
-            label = at_epsilon(epsilon) if name == names[0] else None
+            label = at_epsilon(small, epsilon) if name == names[0] else None
             axes.plot(t, difference, color=colour, ls=style, label=label)
             seen.append(difference[np.abs(difference) < 1.0])
     if len(names) > 1:

@@ -58,7 +58,8 @@ def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit])
         times = np.union1d(times, found.run.t[found.run.t <= found.run.t[-1]])
         run = found.run.sample(times)
         inside = (run[up] > low_y - (high_y - low_y)) & (run[up] < high_y + (high_y - low_y))
-        axes.plot(run[across][inside], run[up][inside], color=colour, lw=1.4, label=at_epsilon(found.epsilon))
+        label = at_epsilon(system.epsilon, found.epsilon)
+        axes.plot(run[across][inside], run[up][inside], color=colour, lw=1.4, label=label)
     axes.plot(passage.point[across], passage.point[up], "o", color=INK, ms=5.5, zorder=6, label="fold")
     if passage.drop.lands:
         axes.plot(
@@ -288,7 +289,9 @@ def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(r"slow time after the entry")
     axes.set_ylabel("distance from $M_0$")
-    axes.text(0.015, 0.03, rf"$\epsilon = {epsilon:g}$", transform=axes.transAxes, color=INK, fontsize=10)
+    axes.text(
+        0.015, 0.03, at_epsilon(delayed.branch.system.epsilon, epsilon), transform=axes.transAxes, color=INK
+    )
     legend(axes, columns=3)
 
 

@@ -81,7 +81,7 @@ def singular_orbit(
         dense = np.interp(phases, np.linspace(0.0, 1.0, len(found.phases)), found.phases)
         line = np.stack([found.values(across, dense), found.values(up, dense)])
         corners.append(line)
-        label = None if found.epsilon is None else at_epsilon(found.epsilon)
+        label = None if found.epsilon is None else at_epsilon(found.flow.epsilon, found.epsilon)
         colour = DARKENING(i / max(len(ladder) - 1, 1))
         axes.plot(*line, color=colour, lw=1.0, zorder=4, label=label)
     together = np.concatenate(corners, axis=1)
@@ -209,7 +209,13 @@ def relaxation(analysis: Analysis, axes: Axes) -> None:
             limits[i] = min(limits[i][0], drawn[0]), max(limits[i][1], drawn[1])
     elif len(system.y) == 1:
         critical_lines(system, axes, limits[0], limits[1], colour=GREY, width=1.3)
-    axes.plot(*line, color=VERMILION, lw=1.0, zorder=6, label=f"full run, {at_epsilon(analysis.scene.epsilon)}")
+    axes.plot(
+        *line,
+        color=VERMILION,
+        lw=1.0,
+        zorder=6,
+        label=f"full run, {at_epsilon(analysis.scene.system.epsilon, analysis.scene.epsilon)}",
+    )
     axes.plot(*line[:, :1], "o", color=VERMILION, mec="white", mew=0.8, ms=6.5, zorder=8, label="start")
     axes.set_xlim(*limits[0])
     axes.set_ylim(*limits[1])

@@ -175,14 +175,14 @@ def plain(text: str, *, width: int = 44) -> str:
     return shorten(text, width=width, placeholder=" ...").replace("$", r"\$")
 
 
-def manifold_label(epsilon: float) -> str:
-    """The label of the slow manifold at this epsilon."""
-    return rf"$M_\epsilon$, $\epsilon = {epsilon:.3g}$"
+def manifold_label(small: sp.Symbol | None, value: float) -> str:
+    """The label of the slow manifold at this value of the `small` parameter."""
+    return rf"$M_\epsilon$, {at_epsilon(small, value)}"
 
 
-def at_epsilon(epsilon: float) -> str:
-    """The label of a run at this epsilon."""
-    return rf"$\epsilon = {epsilon:.3g}$"
+def at_epsilon(small: sp.Symbol | None, value: float) -> str:
+    """The label of a run at this value of the `small` parameter, by its own name."""
+    return f"{mathematics(str(small))} = {value:.3g}"
 
 
 def name_axes(axes: Axes, *names: str) -> None:

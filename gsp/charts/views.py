@@ -42,7 +42,7 @@ def _view(seen: _Seen, axes: Axes) -> None:
     full, limit = dense_run(seen.analysis.full), dense_run(seen.analysis.limit)
     read = partial(reading, seen.analysis)
     for run, colour, width, label in (
-        (full, GREY, 2.6, at_epsilon(seen.scene.epsilon)),
+        (full, GREY, 2.6, at_epsilon(seen.scene.system.epsilon, seen.scene.epsilon)),
         (limit, BLUE, 1.2, r"limit $\epsilon \to 0$"),
     ):
         axes.plot(*(along(run, name, read) for name in names), color=colour, lw=width, label=label)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from gsp.charts.style import BLUE, GREY, INK, LADDER, MARKERS, PALE, SKY, chart
+from gsp.charts.style import BLUE, GREY, INK, LADDER, MARKERS, PALE, SKY, at_epsilon, chart
 from gsp.comparison.work_precision import WorkPrecision
 from gsp.comparison.work_runs import WorkCurve, WorkKind
 
@@ -58,7 +58,12 @@ def work_precision(result: WorkPrecision, axes: Axes) -> None:
     axes.set_ylabel("seconds per run")
     axes.text(0.01, 0.02, result.saving_told(), transform=axes.transAxes, color=INK, fontsize="small")
     axes.text(
-        0.99, 0.02, rf"$\epsilon = {result.epsilon:.3g}$", transform=axes.transAxes, ha="right", color=INK
+        0.99,
+        0.02,
+        at_epsilon(result.scene.system.epsilon, result.epsilon),
+        transform=axes.transAxes,
+        ha="right",
+        color=INK,
     )
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(

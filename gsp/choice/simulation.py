@@ -119,7 +119,8 @@ class Simulation(Drawn, Tabular):
         )
 
     def __str__(self) -> str:
-        lines = [f"simulation of {self.choice.scene.name or 'a scene'}, epsilon = {self.choice.epsilon:g}"]
+        scene = self.choice.scene
+        lines = [f"simulation of {scene.name or 'a scene'}, {scene.system.epsilon} = {self.choice.epsilon:g}"]
         lines += [f"  {switch}" for switch in self.switches]
         lines.append(f"  {self.steps} steps, {self.field_calls} calls of a field")
         return "\n".join([*lines, f"  {self.message}"])

@@ -216,11 +216,11 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     if evidence.layer > LARGEST_LAYER * length:
         enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
         return (
-            f"A smaller epsilon, about {enough:.1g}, or a longer span would help, because the initial layer takes most "
-            "of this span."
+            f"A smaller {scene.system.epsilon}, about {enough:.1g}, or a longer span would help, because the initial "
+            "layer takes most of this span."
         )
     if nearest.failure is Failure.RATE:
-        return "A smaller epsilon would help."
+        return f"A smaller {scene.system.epsilon} would help."
     if nearest.failure is Failure.UNTOLD:
         return "compare() measures its error against full runs."
     if nearest.failure is Failure.REGION:
@@ -228,8 +228,8 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
     # A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
     if enough >= 0.01 * scene.epsilon:
-        return f"A smaller epsilon, about {enough:.1g}, is expected to be enough, or a larger tolerance."
-    return "A smaller epsilon or a larger tolerance would help."
+        return f"A smaller {scene.system.epsilon}, about {enough:.1g}, is expected to be enough, or a larger tolerance."
+    return f"A smaller {scene.system.epsilon} or a larger tolerance would help."
 
 
 def _enough(candidate: Candidate, scene: Scene) -> float:

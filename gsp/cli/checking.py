@@ -107,7 +107,7 @@ def _tell_up_to(
     else:
         tell(found)
         if found.verdict.name == "PROVED" and not reaches:
-            tell(f"  undecided at epsilon = {scene.epsilon:g} of the model, which is larger")
+            tell(f"  undecided at {scene.system.epsilon} = {scene.epsilon:g} of the model, which is larger")
     raise SystemExit(0 if reaches else 3)
 
 

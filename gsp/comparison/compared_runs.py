@@ -136,8 +136,8 @@ def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int
     length = scene.span[1] - scene.span[0]
     if time > 0.5 * length:
         raise DeclarationError(
-            f"the initial layer takes {time:.3g} of slow time at epsilon = {epsilon:g} (gap {inner.gap:.3g}"
-            f"), more than half of the span {scene.span}.",
+            f"the initial layer takes {time:.3g} of slow time at {scene.system.epsilon} = {epsilon:g} (gap "
+            f"{inner.gap:.3g}), more than half of the span {scene.span}.",
             "Take smaller epsilons or a longer span.",
         )
     return time

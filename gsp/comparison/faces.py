@@ -98,7 +98,9 @@ def _table_of_method_table(found: MethodTable) -> Table:
     attributes = {
         "scene": found.scene.name,
         "omitted": "; ".join(f"{name}: {reason}" for name, reason in found.omitted.items()),
-        "endings": "; ".join(f"{name} at epsilon = {e:g}: {how}" for (name, e), how in found.endings.items()),
+        "endings": "; ".join(
+            f"{name} at {found.scene.system.epsilon} = {e:g}: {how}" for (name, e), how in found.endings.items()
+        ),
     }
     return Table("MethodTable", coordinates, variables, attributes, ("method", "epsilon"))
 

@@ -114,7 +114,7 @@ class MethodTable(Drawn, Tabular):
             + "  ".join(f"{e:>8.3g}" for e in self.epsilons)
             + "   us/point   calls   prepare"
         )
-        lines = [f"largest error of h at {len(self.points)} points, by epsilon", head]
+        lines = [f"largest error of h at {len(self.points)} points, by {self.scene.system.epsilon}", head]
         for row in self.rows:
             expected = "" if row.expected is None else str(row.expected)
             fitted = "" if np.isnan(row.fitted) else f"{row.fitted:.2f}"
@@ -129,7 +129,10 @@ class MethodTable(Drawn, Tabular):
         for name, values in (("its error", self.floor), ("second route", self.disagreement)):
             lines.append(f"  {name:<{len(indent) - 2}}" + "  ".join(f"{value:8.1e}" for value in values))
         lines += [f"  omitted: {name}: {reason}" for name, reason in self.omitted.items()]
-        lines += [f"  {name} at epsilon = {e:g}: {ending}" for (name, e), ending in self.endings.items()]
+        lines += [
+            f"  {name} at {self.scene.system.epsilon} = {e:g}: {ending}"
+            for (name, e), ending in self.endings.items()
+        ]
         return "\n".join(lines)
 
 

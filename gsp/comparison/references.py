@@ -51,7 +51,7 @@ def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
     best = min(along, principle, key=lambda route: route.error)
     if not best.error < np.inf:
         raise DeclarationError(
-            f"there is no reference at epsilon = {epsilon:g}: {why}; {pointwise.message}.",
+            f"there is no reference at {branch.system.epsilon} = {epsilon:g}: {why}; {pointwise.message}.",
             "Move the points, shrink the region or take smaller epsilons.",
         )
     rounding = 4 * float(np.finfo(float).eps) * (1.0 + float(np.abs(best.y).max()))

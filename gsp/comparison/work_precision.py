@@ -117,7 +117,8 @@ class WorkPrecision(Drawn, Tabular):
         width = max(len(curve.label) for curve in self.curves)
         targets = [t for t in TARGETS if self.fastest(t) is not None]
         lines = [
-            f"microseconds to reach an error of the slow variables, epsilon = {self.epsilon:g}, {self.start}",
+            f"microseconds to reach an error of the slow variables, "
+            f"{self.scene.system.epsilon} = {self.epsilon:g}, {self.start}",
             f"  {'':<{width}}  least error  " + "  ".join(f"{t:>9.0e}" for t in targets),
         ]
         for curve in self.curves:
@@ -284,8 +285,8 @@ def _reference(
         )
         if not run.status.ok:
             raise DeclarationError(
-                f"there is no reference for {study.scene.name} at epsilon = {epsilon:g}: {run.message}.",
-                "Shorten the span, move the start or take another epsilon.",
+                f"there is no reference for {study.scene.name} at {study.system.epsilon} = {epsilon:g}: {run.message}.",
+                "Shorten the span, move the start or take another value of it.",
             )
         runs.append(slow_values(run.y, study.system, study))
     error, _ = largest_errors(runs[1], runs[0])

@@ -9,7 +9,7 @@ import numpy as np
 
 from gsp.charts.motion import Body, Motion, check_motion_name, write_motion
 from gsp.charts.sampling import critical_lines, widened
-from gsp.charts.style import plain
+from gsp.charts.style import at_epsilon, plain
 from gsp.demos.demo import body_of, looks_of
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -73,8 +73,8 @@ def _view(scene: Scene, name: str | None) -> View | None:
 
 def _motion(study: Study, view: View | None = None) -> Motion:
     scene = study.scene
-    epsilon = f"$\\epsilon = {scene.epsilon:g}$"
-    title = f"{_plain_title(scene.title or scene.name or 'a run')}, {epsilon}"
+    at = at_epsilon(scene.system.epsilon, scene.epsilon)
+    title = f"{_plain_title(scene.title or scene.name or 'a run')}, {at}"
     fast = study.system.y[0].name
     raw = [s.name for s in (*scene.full_flow.states, *scene.full_flow.observables)]
     if view is not None:

@@ -86,7 +86,7 @@ class BasePoint(Mapping[str, float], Card):
         width = max(map(len, self._values))
         start = ", ".join(f"{n} = {v:.6g}" for n, v in self.start.items())
         lines = [
-            f"base point of the fibre through {start} at epsilon = {self.epsilon:g}",
+            f"base point of the fibre through {start} at {self.branch.system.epsilon} = {self.epsilon:g}",
             *(f"  {name:>{width}} = {value:.15g}" for name, value in self._values.items()),
         ]
         for name, terms in self.coefficients.items():
@@ -133,9 +133,9 @@ def project(
     own = getattr(manifold, "epsilon", None)
     if own is not None and own != value:
         raise DeclarationError(
-            f"the manifold was solved at epsilon = {own:g}.",
-            "Solve it at that epsilon.",
-            got=f"epsilon = {value:g}",
+            f"the manifold was solved at {branch.system.epsilon} = {own:g}.",
+            "Solve it at that value.",
+            got=f"{branch.system.epsilon} = {value:g}",
             value=value,
         )
     if numeric:

@@ -136,8 +136,8 @@ class _Shadowing:
             time *= 2.0
         else:
             raise BranchError(
-                f"the full system from {self.problem.place()} at epsilon = {self.epsilon:g} is still away from the "
-                f"slow manifold of {self.problem.branch} at time {run.t[-1]:.4g}, {self._state(run, -1)}.",
+                f"the full system from {self.problem.place()} at {self._small()} is still away from the slow "
+                f"manifold of {self.problem.branch} at time {run.t[-1]:.4g}, {self._state(run, -1)}.",
                 "The start is outside its basin; move it, or take a smaller epsilon.",
             )
         slow = [self.states.index(s) for s in self.problem.slow]
@@ -151,7 +151,7 @@ class _Shadowing:
         if not estimates.max() <= LOST * scale:
             raise HyperbolicityError(
                 f"the base point of {self.problem.place()} is determined only to {(estimates * units).max():.2g} at "
-                f"epsilon = {self.epsilon:g}: the slow manifold of {self.problem.branch} is not separated from its "
+                f"{self._small()}: the slow manifold of {self.problem.branch} is not separated from its "
                 "neighbours any more.",
                 "Take a smaller epsilon.",
             )
@@ -206,9 +206,12 @@ class _Shadowing:
             return np.ones(len(x), dtype=bool)
         return np.all(self.surface.covers(x * self.units[: x.shape[1]]), axis=1)
 
+    def _small(self) -> str:
+        return f"{self.problem.branch.system.epsilon} = {self.epsilon:g}"
+
     def _leaving(self, run: Trajectory, i: int) -> str:
         return (
-            f"the full system from {self.problem.place()} at epsilon = {self.epsilon:g} leaves the slow manifold of "
+            f"the full system from {self.problem.place()} at {self._small()} leaves the slow manifold of "
             f"{self.problem.branch} before its layer is over, at {self._state(run, i)}: a fold or an end of the sheet "
             "is too near, or the start is outside the basin. Move the start, or take a smaller epsilon."
         )
@@ -247,7 +250,7 @@ def _height(
         if (orders < 0).any():
             where = zip(branch.system.x, x[np.argmin(orders)] * x_units)
             raise BranchError(
-                f"the slow manifold was not found at epsilon = {epsilon:g} over "
+                f"the slow manifold was not found at {branch.system.epsilon} = {epsilon:g} over "
                 f"{', '.join(f'{s.name} = {value:.6g}' for s, value in where)}.",
                 "Take a smaller epsilon.",
             )

@@ -197,7 +197,7 @@ class Ensemble(Drawn, Tabular):
             rows.append(("...", np.empty(0)))
         rows.append(("steps", self.steps))
         width = max(len(name) for name, _ in rows)
-        lines = [f"ensemble of {len(self)}, {self.method.value}{_range(self.epsilon)}"]
+        lines = [f"ensemble of {len(self)}, {self.method.value}{_range(self.flow.epsilon, self.epsilon)}"]
         heads = "".join(f"{f'{100 * q:g} %':>14}" for q in _QUANTILES)
         lines.append(f"  {'':>{width}}{heads}  at t = {self.t[-1]:g}")
         for name, values in rows:
@@ -326,8 +326,8 @@ def _watched(flow: Flow, members: Members, t: np.ndarray, **options) -> WatchedM
     return WatchedMembers(flow, members, t, **options)
 
 
-def _range(values: np.ndarray | None) -> str:
+def _range(epsilon: sp.Symbol | None, values: np.ndarray | None) -> str:
     if values is None:
         return ""
     low, high = values.min(), values.max()
-    return f", epsilon = {low:g}" + ("" if low == high else f" to {high:g}")
+    return f", {epsilon} = {low:g}" + ("" if low == high else f" to {high:g}")

@@ -234,7 +234,7 @@ class Trajectory(Drawn, Tabular):
         stats = self.stats
         lines = [
             f"trajectory, {stats.method.value}"
-            + ("" if self.epsilon is None else f", epsilon = {self.epsilon:g}")
+            + ("" if self.epsilon is None else f", {self.flow.epsilon} = {self.epsilon:g}")
         ]
         lines += [
             f"  {symbol.name:>{width}}  {first:>13.6g} -> {last:<13.6g}".rstrip()

@@ -153,7 +153,7 @@ class Certificate(Card):
             if self.epsilon is not None:
                 lines.append(f"  rate along the slow flow at most {at_most(self.tangential)}")
                 lines.append(
-                    f"  normal against tangential rate at epsilon = {as_given(self.epsilon)}: "
+                    f"  normal against tangential rate at {self.branch.system.epsilon} = {as_given(self.epsilon)}: "
                     f"at least {at_least(self.rate_ratio)}"
                 )
         if self.witness is not None:

@@ -188,8 +188,8 @@ def _decided(problem: _BoxProblem, covering: Covering, certificate: Certificate)
             return replace(
                 proved,
                 verdict=ProofVerdict.UNDECIDED,
-                reason=f"normally hyperbolic throughout, but r >= 1 at epsilon = {as_given(epsilon)} is not proved: "
-                f"only r >= {at_least(proved.rate_ratio, 3)}",
+                reason=f"normally hyperbolic throughout, but r >= 1 at {problem.branch.system.epsilon} = "
+                f"{as_given(epsilon)} is not proved: only r >= {at_least(proved.rate_ratio, 3)}",
             )
         return proved
     outside = None

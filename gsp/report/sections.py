@@ -373,7 +373,7 @@ class Page(Setting):
         found = self.analysis.comparison
         slopes = {n: "exact" if found.is_exact(n) else fitted(s) for n, s in found.slopes.items()}
         stopped = {
-            f"At epsilon = {epsilon:g} a run did not reach the end: {status.meaning}."
+            f"At {self.epsilon} = {epsilon:g} a run did not reach the end: {status.meaning}."
             for statuses in found.statuses.values()
             for epsilon, status in zip(found.epsilons, statuses)
             if not status.ok

@@ -113,7 +113,8 @@ class SampledManifold(Card, Tabular):
         )
 
     def __str__(self) -> str:
-        return f"{self.kind} slow manifold of {self.branch} at epsilon = {self.epsilon:g}\n  {self.message}"
+        at = f"{self.branch.system.epsilon} = {self.epsilon:g}"
+        return f"{self.kind} slow manifold of {self.branch} at {at}\n  {self.message}"
 
 
 def defect_of(

@@ -383,3 +383,15 @@ def test_states_over_time_are_seen_where_the_reduced_run_ends_where_it_starts():
     axes = charts.time_series(lost)
     assert axes.get_ylim()[1] < 2.0
     assert not any("reduced" in text.get_text() for text in axes.get_legend().get_texts())
+
+
+def test_a_run_is_labelled_by_the_name_of_its_small_parameter() -> None:
+    x, y, nu = sp.symbols("x y nu")
+    system = gsp.SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=nu)
+    scene = gsp.Scene(system, {"x": (0, 1)}, {"x": 1, "y": 0}, (0, 1), 0.1)
+    axes = gsp.charts.phase_portrait(gsp.analyse(scene))
+    labels = axes.get_legend_handles_labels()[1]
+    assert any(r"\nu" in label and "0.1" in label for label in labels)
+    assert not any(r"\epsilon =" in label for label in labels)
+    assert "nu = 0.1" in str(gsp.choose(scene))
+    assert "nu = 0.1" in str(gsp.integrate(system, start={"x": 1, "y": 0}, span=(0, 1), epsilon=0.1))

@@ -100,8 +100,9 @@ class MeasuredDelay:
         )
         shown = f"none: {self.why}" if self.exit is None else sp.N(self.exit, 15)
         double = f"none: {self.double_why}" if self.double_exit is None else f"{self.double_exit:.8g}"
+        small = self.delayed.branch.system.epsilon
         return (
-            f"exit at distance {self.radius:g} for epsilon = {self.epsilon:g}, in slow time\n"
+            f"exit at distance {self.radius:g} for {small} = {self.epsilon:g}, in slow time\n"
             f"  as epsilon -> 0      {self.expected:.8g}\n"
             f"  {self.digits:>4} digits          {shown}\n"
             f"  double precision     {double}  ({foreseen})"
@@ -155,7 +156,7 @@ def measure_delay(
         if needed > MOST_DIGITS:
             least = rise / ((MOST_DIGITS - SPARE) * np.log(10.0))
             raise PassageError(
-                f"the passage at epsilon = {small:g} takes {needed:.0f} digits, since a deviation falls to "
+                f"the passage at {system.epsilon} = {small:g} takes {needed:.0f} digits, since a deviation falls to "
                 f"exp(-{rise / small:.0f}); at most {MOST_DIGITS} are carried.",
                 f"Measure at an epsilon of {1.01 * least:.2g} or more, or start nearer to the loss.",
             )

@@ -128,9 +128,9 @@ class DelayedExit(Card):
             return ""
         rise = (self._phi_at(self.t) - self._phi_at(self.loss.t)) / small
         return (
-            f"double precision leaves early at epsilon = {small:g}, between t = {band[0]:.6g} and "
-            f"{band[1]:.6g} instead of {self.t:.6g}: the deviation falls to exp(-{rise:.1f}), rounding holds "
-            f"exp(-{self.rounding:.1f}). "
+            f"double precision leaves early at {self.branch.system.epsilon} = {small:g}, between t = "
+            f"{band[0]:.6g} and {band[1]:.6g} instead of {self.t:.6g}: the deviation falls to exp(-{rise:.1f}), "
+            f"rounding holds exp(-{self.rounding:.1f}). "
             f"Use follow(..., digits={int(rise / np.log(10.0)) + 16})."
         )
 

@@ -172,7 +172,7 @@ def fit_omega0(
     for epsilon in ladder:
         found = fold_exit(passage, epsilon=float(epsilon), section=place, start=start)
         if not found.status.ok:
-            raise PassageError(f"at epsilon = {epsilon:g} the orbit {found.message}.")
+            raise PassageError(f"at {passage.system.epsilon} = {epsilon:g} the orbit {found.message}.")
         x = np.array([found.point[s.name] for s in passage.system.x])
         delays.append(float(slope @ (x - passage.x0)) / passage.b)
     measured = np.array(delays)
