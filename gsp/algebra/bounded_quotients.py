@@ -41,6 +41,9 @@ def bounded_quotient(expression: Any) -> Any:
     if not (any(map(_waves, below)) and any(f.is_Add and f not in below and _waves(f) for f in above)):
         return expression
     value, powers = _written(expression, {})
+    if not powers:
+        # What is left of exponentials stands within other functions.
+        return expression
     return _times(value, sp.exp(_exponent(powers), evaluate=False))
 
 
@@ -50,7 +53,7 @@ def bounded_logarithm(expression: Any) -> Any:
     if is_shared(inside) or not (inside.is_Add and _waves(inside)):
         return expression
     value, powers = _written(inside, {})
-    return sp.log(value) + _exponent(powers)
+    return sp.log(value) + _exponent(powers) if powers else expression
 
 
 def _exponent(powers: _Powers) -> Any:

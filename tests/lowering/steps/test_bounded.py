@@ -33,6 +33,8 @@ SUMS = {
     "sums of powers": sp.exp(U) * (x + 10 * sp.exp(U) + 1) / (1 + sp.exp(U)) ** 3,
     "tanh written out": (sp.exp(U) - sp.exp(-U)) / (sp.exp(U) + sp.exp(-U)),
     "cosh in both": (x + 10 * sp.cosh(U)) * sp.sinh(U) / sp.cosh(U) ** 3,
+    "within roots": (x + sp.sqrt(2 + sp.exp(U / 9))) / (1 + sp.sqrt(1 + sp.exp(U / 9))),
+    "logarithm of roots": sp.log(1 + sp.sqrt(2 + sp.exp(U / 9))),
     "roots": (sp.exp(U / 2) - sp.exp(U / 3)) / (1 + sp.exp(U)),
     "one of two": sp.exp(U - 3) * (2 + sp.exp(U)) / (1 + sp.exp(U)) ** 2,
 }
