@@ -58,6 +58,10 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         study = Study(counted)
         counts_fast = _counts_fast(study)
         choice, errors = _looked_at(study, LEADING[:1], counts_fast)
+        if choice.candidates[0].follows and not errors:
+            # What is left may have fast modes of its own, on which an explicit method takes small steps.
+            study = replace(study, is_stiff=True)
+            choice, errors = _looked_at(study, LEADING[:1], counts_fast)
         if choice.candidates[0].follows:
             if not _is_separated(errors):
                 choice, errors = _looked_at(study, LEADING, counts_fast)
@@ -90,6 +94,7 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
             name=part.name, scene=shown, order=c.order, error=error,
             measured=(scene.span[0] + choice.layer, scene.span[1]),
             full_seconds=full.seconds, candidate=c, why_not=why_not, counts_fast=counts_fast,
+            is_stiff=study.is_stiff,
         )  # fmt: skip
         found[reduction] = study
     return found

@@ -20,7 +20,7 @@ class Reduction(Card):
     largest value of the variable, of the reduced flow from the base point of the start, against the full run from the
     start. With `counts_fast`, where no slow variable takes notice of the fast ones, or none moves by a tenth of its
     value, these count too. `seconds` are those of a run, and `full_seconds` of one of the full system, measured
-    together. `why_not` says why it does not serve.
+    together. `why_not` says why it does not serve. `is_stiff` is whether the reduced flow is run as a stiff one.
     """
 
     name: str
@@ -32,6 +32,7 @@ class Reduction(Card):
     candidate: Candidate
     why_not: str
     counts_fast: bool = False
+    is_stiff: bool = False
 
     @property
     def seconds(self) -> float:

@@ -87,7 +87,7 @@ class Reductions(Card):
         tolerance = taken.scene.tolerance
         own = [each for each in self.found if each.name == taken.name]
         errors = {each.order: each.error for each in own if not each.why_not or each.error > tolerance}
-        return replace(study_of(taken.scene), measured=errors)
+        return replace(study_of(taken.scene), measured=errors, is_stiff=taken.is_stiff)
 
     def as_dict(self) -> dict[str, object]:
         """The reason, what is recommended, and every candidate, as plain values."""

@@ -82,7 +82,8 @@ class Study(Card):
     A scene whose field has switches phi(s/epsilon) is kept in the variables in which they are fast, and `switches` says
     which these are. One whose field has a pole of higher order is kept in scaled variables, and `scaling` says which.
     One whose field has no pole is in fast time: it is kept in slow time, and `given` is the scene as it was.
-    `measured` are errors of its reduced flows by order, where they were measured against a full run from the start.
+    `measured` are errors of its reduced flows by order, where they were measured against a full run from the start, and
+    `is_stiff` is whether these flows have fast modes of their own, and are run as stiff ones.
 
     >>> from gsp import models, study
     >>> michaelis = study(models.load("michaelis_menten"))
@@ -95,6 +96,7 @@ class Study(Card):
     scaling: Scaling | None = None
     given: Scene | None = None
     measured: Mapping[int, float] = field(default_factory=dict)
+    is_stiff: bool = False
     _kept: _Kept = field(default_factory=_Kept)
 
     @property
@@ -226,8 +228,10 @@ class Study(Card):
         """The reduced flow of `order`, with what the scene reconstructs unless told not to."""
         driven = self.scene.reconstruction if reconstructed else {}
         return self._once(
-            ("reduced", order, bool(driven)),
-            lambda: restrict(self.run_series(order), order=order, reconstruction=driven),
+            ("reduced", order, bool(driven), self.is_stiff),
+            lambda: replace(
+                restrict(self.run_series(order), order=order, reconstruction=driven), is_stiff=self.is_stiff
+            ),
         )
 
     def full(self, epsilon: float) -> Trajectory:

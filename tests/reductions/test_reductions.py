@@ -803,3 +803,38 @@ def test_where_only_one_rate_is_not_zero_there_is_no_gap(rates: Mapping[str, str
     ran = CliRunner().invoke(cli, ["choose", str(tmp_path / "closed.toml")])
     assert ran.exit_code == 0, ran.output
     assert "defect" not in ran.output
+
+
+@pytest.mark.exhaustive
+def test_what_is_left_may_have_fast_modes_of_its_own() -> None:
+    """Hydrogen and bromine: without H, Br is fast still, and explicit steps were too many: it was not to be reduced."""
+    kd, kr, k2, k3, k4 = 1e-5, 1e6, 50.0, 1e8, 1e7
+    rates = {
+        "Br": "2*kd*B - 2*kr*Br**2 - k2*Br*A + k3*H*B + k4*H*C",
+        "H": "k2*Br*A - k3*H*B - k4*H*C",
+        "B": "-kd*B + kr*Br**2 - k3*H*B",
+        "A": "-k2*Br*A + k4*H*C",
+        "C": "k2*Br*A + k3*H*B - k4*H*C",
+    }
+    values = {"kd": kd, "kr": kr, "k2": k2, "k3": k3, "k4": k4}
+    found = find_reductions(scene(rates, values, {"Br": 0, "H": 0, "B": 0.01, "A": 0.01, "C": 0}, 2e4))
+    assert found.recommended is not None
+    (own,) = [e for e in found.found if e.name == "standard quasi-steady state of H" and e.order == 0]
+    assert own.is_stiff
+    assert not own.why_not
+
+    def left(t: float, z: np.ndarray) -> list[float]:
+        """Br, Br2, H2 and HBr, with H where it is at rest."""
+        br, b, a, c = z
+        h = k2 * br * a / (k3 * b + k4 * c)
+        pair, first, second, back = kd * b - kr * br**2, k2 * br * a, k3 * h * b, k4 * h * c
+        return [2 * pair - first + second + back, -pair - second, back - first, first + second - back]
+
+    study = replace(found, recommended=own).study
+    assert study is not None
+    run = gsp.integrate(
+        study.reduced(0), start=study.base_point(0), span=(0, 2e4), epsilon=study.scene.epsilon, rtol=1e-9
+    )
+    assert run.stats.steps < 200
+    exact = solve_ivp(left, (0, 2e4), [0, 0.01, 0.01, 0], "Radau", rtol=1e-9, atol=1e-16).y[:, -1]
+    assert [run[name][-1] for name in ("Br", "B", "A", "C")] == pytest.approx(exact.tolist(), rel=1e-6)
