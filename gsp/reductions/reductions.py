@@ -215,10 +215,13 @@ def find_reductions(
     large = [[named[name] for name in names] for names, _ in together.most_common(MEASURED)]
     parts = fast_parts(field, large=large)
     ranked = sorted(_screened(plain, run, gaps, parts), key=lambda pair: pair[0])
-    look_at(part for _, part in ranked[:MEASURED])
+    count = int(np.argmax(gaps)) + 1 if gaps.size and gaps.max() >= needed_gap(LARGEST) else 0
+    # Each state that is fast lies nearer than all together, which are what the widest gap leaves out.
+    widest = next((k for k, (_, part) in enumerate(ranked) if part.count == count), 0)
+    chosen = ranked[:MEASURED] if widest < MEASURED else [*ranked[: MEASURED - 1], ranked[widest]]
+    look_at(part for _, part in chosen)
     named = set(found)
     # Where nothing that has a name is as fast as the widest gap says, combinations of states may be.
-    count = int(np.argmax(gaps)) + 1 if gaps.size and gaps.max() >= needed_gap(LARGEST) else 0
     if count and not any(len(found[each].system.y) == count for each in _separated(found)):
         unnamed = fast_directions(field, run.y[:, -1], count, gaps[count - 1])
         look_at(part for _, part in _screened(plain, run, gaps, unnamed))

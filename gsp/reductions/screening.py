@@ -35,7 +35,8 @@ def defect(field: VectorField, part: FastPart, run: Trajectory, times: np.ndarra
             values = function(moved, constants)
             inner = values[:, r:].reshape(-1, r, len(states)) @ N
             alive &= np.isfinite(values).all(axis=1)
-            alive[alive] &= np.linalg.matrix_rank(inner[alive]) == r
+            # A rank would be that in the states' units, which may be decades apart.
+            alive[alive] &= np.linalg.slogdet(inner[alive])[0] != 0.0
             step = np.zeros((len(places), r))
             step[alive] = np.linalg.solve(inner[alive], -values[alive, :r, None])[..., 0]
             moved += step @ N.T

@@ -838,3 +838,35 @@ def test_what_is_left_may_have_fast_modes_of_its_own() -> None:
     assert run.stats.steps < 200
     exact = solve_ivp(left, (0, 2e4), [0, 0.01, 0.01, 0], "Radau", rtol=1e-9, atol=1e-16).y[:, -1]
     assert [run[name][-1] for name in ("Br", "B", "A", "C")] == pytest.approx(exact.tolist(), rel=1e-6)
+
+
+@pytest.mark.exhaustive
+def test_what_is_fast_together_is_measured_however_near_its_members_are() -> None:
+    """A competitive inhibitor, in moles: each complex by itself is nearer than both, and both were left out."""
+    k1, km1, k2, k3, km3, e0 = 1e7, 300.0, 30.0, 2e7, 400.0, 1e-7
+    rates = {
+        "s": "-k1*(e0 - c1 - c2)*s + km1*c1",
+        "c1": "k1*(e0 - c1 - c2)*s - (km1 + k2)*c1",
+        "i": "-k3*(e0 - c1 - c2)*i + km3*c2",
+        "c2": "k3*(e0 - c1 - c2)*i - km3*c2",
+    }
+    values = {"k1": k1, "km1": km1, "k2": k2, "k3": k3, "km3": km3, "e0": e0}
+    found = find_reductions(scene(rates, values, {"s": 1e-3, "c1": 0, "i": 5e-4, "c2": 0}, 1500))
+    assert found.recommended is not None
+    assert found.recommended.name == "standard quasi-steady state of c1, c2"
+
+    def full(t: float, z: np.ndarray) -> list[float]:
+        s, c1, i, c2 = z
+        free = e0 - c1 - c2
+        one, two = k1 * free * s - km1 * c1, k3 * free * i - km3 * c2
+        return [-one, one - k2 * c1, -two, two]
+
+    def textbook(t: float, s: np.ndarray) -> np.ndarray:
+        return -k2 * e0 * s / ((km1 + k2) / k1 * (1 + 5e-4 * k3 / km3) + s)
+
+    options = {"method": "Radau", "rtol": 1e-10, "atol": 1e-18, "t_eval": np.linspace(0, 1500, 97)}
+    s, _, i, _ = solve_ivp(full, (0, 1500), [1e-3, 0, 5e-4, 0], **options).y
+    own = solve_ivp(textbook, (0, 1500), [1e-3], **options).y[0]
+    # The inhibitor stays where it is.
+    error = max(np.abs(own - s).max() / s.max(), np.abs(5e-4 - i).max() / i.max())
+    assert found.recommended.error == pytest.approx(error, rel=0.05)
