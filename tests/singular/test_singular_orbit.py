@@ -201,7 +201,7 @@ def test_the_chart_shows_pieces_drops_and_full_orbits(van_der_pol):
     assert charts.png(axes).startswith(b"\x89PNG")
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert {"slow piece", "drop", "fold", "landing point"} <= set(labels)
-    assert sum("epsilon = " in label for label in labels) == 2
+    assert sum(r"\epsilon" in label and "=" in label for label in labels) == 2
     # What leads to the cycle is a part of it.
     assert "what leads to it" not in labels
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$y$", "$x$")
