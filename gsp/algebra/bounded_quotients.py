@@ -10,13 +10,13 @@ no term is above 1, and what grows is in the powers alone.
 
 from __future__ import annotations
 
-from functools import cache, reduce
+from functools import reduce
 from typing import Any, NamedTuple
 
 import sympy as sp
 
 from gsp.algebra.differentiation import bounded_product
-from gsp.algebra.sharing import is_shared
+from gsp.algebra.sharing import is_shared, plus, size, times
 
 _WAVES = (sp.exp, sp.cosh, sp.sinh)
 _Powers = dict[Any, int]
@@ -29,7 +29,24 @@ class _Written(NamedTuple):
     powers: _Powers
 
 
-def bounded_quotient(expression: Any) -> Any:
+def bounded(expression: Any) -> Any:
+    """A product or a logarithm by parts that are finite where its value is; itself where there is nothing to do."""
+    if expression.is_Mul:
+        return bounded_product(_bounded_quotient(expression))
+    return _bounded_logarithm(expression) if isinstance(expression, sp.log) else expression
+
+
+def finite(expression: Any) -> Any:
+    """`expression` with all its parts `bounded`; itself where parts are shared, which a walk would meet as often."""
+    if is_shared(expression) or not _waves(expression):
+        return expression
+    found = bounded(expression)
+    if found is not expression:
+        return finite(found)
+    return expression.func(*map(finite, expression.args))
+
+
+def _bounded_quotient(expression: Any) -> Any:
     """A product over and under a bar of sums of exp, cosh and sinh, none of which overflows then; itself if it is none.
 
     The same number: (a + b exp(u))/(c + d exp(u)) is (a e2 + b e1)/(c e2 + d e1).
@@ -44,10 +61,10 @@ def bounded_quotient(expression: Any) -> Any:
     if not powers:
         # What is left of exponentials stands within other functions.
         return expression
-    return _times(value, sp.exp(_exponent(powers), evaluate=False))
+    return times(value, sp.exp(_exponent(powers), evaluate=False))
 
 
-def bounded_logarithm(expression: Any) -> Any:
+def _bounded_logarithm(expression: Any) -> Any:
     """log of a sum of exponentials, such as log(1 + exp(u)) = max(u, 0) + log(e1 + e2); itself of anything else."""
     (inside,) = expression.args
     if is_shared(inside) or not (inside.is_Add and _waves(inside)):
@@ -58,20 +75,7 @@ def bounded_logarithm(expression: Any) -> Any:
 
 def _exponent(powers: _Powers) -> Any:
     """The logarithm of e1^-c e2^-d, in one sum: what falls makes up for what grows."""
-    return sp.Add(*(power * (u + sp.Abs(u)) / 2 for u, power in powers.items()))
-
-
-def finite(expression: Any) -> Any:
-    """`expression` with all its products and logarithms of exponentials finite where their values are."""
-    if not _waves(expression):
-        return expression
-    if expression.is_Mul:
-        bounded = bounded_product(bounded_quotient(expression))
-    else:
-        bounded = bounded_logarithm(expression) if isinstance(expression, sp.log) else expression
-    if bounded is not expression:
-        return finite(bounded)
-    return expression.func(*map(finite, expression.args))
+    return sp.Add(*(power * (u + _size(u)) / 2 for u, power in powers.items()))
 
 
 def _waves(expression: Any) -> bool:
@@ -83,7 +87,6 @@ def _is_wave(e: Any) -> bool:
     return isinstance(e, _WAVES) and bool(e.free_symbols) and not e.has(sp.Abs)
 
 
-@cache
 def _below_one(u: Any, power: int) -> Any:
     """exp(min(u, 0)) to a power; of a double u the difference of u and |u| is exact.
 
@@ -91,9 +94,13 @@ def _below_one(u: Any, power: int) -> Any:
     """
     if not power:
         return sp.S.One
-    size = sp.Abs(u, evaluate=False)
-    e = sp.exp(sp.Mul(sp.S.Half, sp.Add(u, -size), evaluate=False), evaluate=False)
+    e = sp.exp(sp.Mul(sp.S.Half, sp.Add(u, -_size(u)), evaluate=False), evaluate=False)
     return e if power == 1 else sp.Pow(e, power, evaluate=False)
+
+
+def _size(u: Any) -> Any:
+    """|u|, the same of -u."""
+    return size(-u if u.could_extract_minus_sign() else u)
 
 
 def _written(e: Any, known: dict[Any, _Written]) -> _Written:
@@ -114,18 +121,13 @@ def _fresh(e: Any, known: dict[Any, _Written]) -> _Written:
     exponents = {u: None for part in parts for u in part.powers}
     if e.is_Mul:
         powers = {u: sum(part.powers.get(u, 0) for part in parts) for u in exponents}
-        return _Written(_times(*(part.value for part in parts)), powers)
+        return _Written(times(*(part.value for part in parts)), powers)
     most = {u: reduce(max, (part.powers.get(u, 0) for part in parts)) for u in exponents}
     terms = [
-        _times(part.value, *(_below_one(-u, most[u] - part.powers.get(u, 0)) for u in exponents))
+        times(part.value, *(_below_one(-u, most[u] - part.powers.get(u, 0)) for u in exponents))
         for part in parts
     ]
-    return _Written(sp.Add(*terms, evaluate=False), most)
-
-
-def _times(*factors: Any) -> Any:
-    others = [factor for factor in factors if factor is not sp.S.One]
-    return sp.Mul(*others, evaluate=False) if len(others) > 1 else (others or [sp.S.One])[0]
+    return _Written(plus(terms), most)
 
 
 def _wave(e: Any) -> _Written:

@@ -13,6 +13,7 @@ from typing import Any
 import sympy as sp
 from sympy.printing.jscode import JavascriptCodePrinter
 
+from gsp.algebra.bounded_quotients import finite
 from gsp.algebra.doubles import nearest_double
 from gsp.algebra.languages import PAGE
 from gsp.algebra.printing import EXACT, Printer
@@ -40,7 +41,7 @@ def function(
     places = {
         symbol: sp.Dummy(f"{a}[{i}]") for a, symbols in arguments.items() for i, symbol in enumerate(symbols)
     }
-    placed = [expression.xreplace(places) for expression in outputs]
+    placed = [finite(expression.xreplace(places)) for expression in outputs]
     steps, results = sp.cse(placed, symbols=(sp.Dummy() for _ in iter(int, 1)), order="none")
     printer = _JavaScriptPrinter(set(places.values()))
     for symbol, expression in steps:

@@ -210,15 +210,19 @@ class Trajectory(Drawn, Tabular):
     def message(self) -> str:
         """One line: how it ended, where, and what to do about it."""
         steps = f"{self.stats.steps} step" + ("" if self.stats.steps == 1 else "s")
+        if self.status.ok:
+            return f"reached the end after {steps}: {self.end_in_words}"
+        head = f"stopped after {steps}: {self.status.name} at {self.end_in_words}"
+        return "; ".join(filter(None, (head, self._outcome.note, self._outcome.remedy)))
+
+    @property
+    def end_in_words(self) -> str:
+        """The time and the state at which it ended, in words."""
         variables = self.flow.variables_shown
         shown = [f"{s.name} = {last:.6g}" for s, _, last in self._ends(variables[:SHOWN_STATES])]
         if len(variables) > SHOWN_STATES:
             shown.append("...")
-        where = f"t = {self._record.times[-1]:.6g}, {', '.join(shown)}"
-        if self.status.ok:
-            return f"reached the end after {steps}: {where}"
-        head = f"stopped after {steps}: {self.status.name} at {where}"
-        return "; ".join(filter(None, (head, self._outcome.note, self._outcome.remedy)))
+        return f"t = {self._record.times[-1]:.6g}, {', '.join(shown)}"
 
     def __repr__(self) -> str:
         names = ", ".join(symbol.name for symbol in self.flow.states)

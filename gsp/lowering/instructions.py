@@ -12,8 +12,7 @@ from typing import Any
 
 import sympy as sp
 
-from gsp.algebra.bounded_quotients import bounded_logarithm, bounded_quotient
-from gsp.algebra.differentiation import bounded_product
+from gsp.algebra.bounded_quotients import bounded
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, parts
 from gsp.kernels import jets
 
@@ -175,13 +174,12 @@ class _TapeWriter:
             return _Value(self, self._states[e])
         if e.is_Add:
             return self._sum(e)
+        if (found := bounded(e)) is not e:
+            return self.read(found)
         if e.is_Mul:
-            bounded = bounded_product(bounded_quotient(e))
-            return self._product(e) if bounded is e else self.read(bounded)
+            return self._product(e)
         if e.is_Pow and e.exp.is_Integer:
             return self._power(e.base, int(e.exp))
-        if isinstance(e, sp.log) and (bounded := bounded_logarithm(e)) is not e:
-            return self.read(bounded)
         name, arguments = parts(e)
         if name in COMPOSED:
             return composed(name, [self.read(argument) for argument in arguments])

@@ -26,7 +26,7 @@ from gsp.systems.system import VectorField
 # Parts of a step at first, how often they are halved, and how many halves are looked at in all.
 PARTS, HALVINGS, MOST = 8, 12, 2000
 # A function has a sign where it has it over so much rounding of the states.
-ROUNDING = 16 * 2.0**-52
+ROUNDING = 16 * float(np.finfo(float).eps)
 
 
 class WatchedRun(NamedTuple):

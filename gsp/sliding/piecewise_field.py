@@ -118,7 +118,7 @@ class PiecewiseField(Card):
             {z: in_factors((below * self.plus[z] - above * self.minus[z]) / closing) for z in self.plus}
         )
 
-    @property
+    @cached_property
     def _closing(self) -> sp.Expr:
         """Y- - Y+, by which the two fields lead to the surface together."""
         above, below = self.normal_rates

@@ -13,7 +13,6 @@ from enum import StrEnum
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.brevity import listed
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.sharing import size
 from gsp.critical.loss_kind import LossKind
@@ -173,8 +172,7 @@ def _ended(run: Trajectory, before: list[Piece], last: float) -> Reason:
         return Reason(f"piece {count} {run.message}")
     steps = run.stats.steps + sum(piece.run.stats.steps for piece in before)
     ways = [f"{n} {word}" + ("" if n == 1 else "s") for n, word in ((count, "piece"), (steps, "step"))]
-    where = listed([f"t = {run.t[-1]:.6g}", *(f"{s.name} = {run[s.name][-1]:.6g}" for s in run.flow.states)])
-    return Reason(f"reached the end after {' and '.join(ways)}: {where}")
+    return Reason(f"reached the end after {' and '.join(ways)}: {run.end_in_words}")
 
 
 _SIDES = {1: Side.PLUS, -1: Side.MINUS, 0: Side.SLIDING}

@@ -26,6 +26,7 @@ HARD = {
     "elementary": sp.exp(-x) * sp.sin(y) + sp.cos(x) * sp.tan(y / 9) + sp.tanh(x) + sp.sinh(y) - sp.cosh(k),
     "inverse": sp.atan(x) + sp.asinh(y) + sp.log(x**2 + 1) + sp.asin(x / 9) + sp.acos(y / 9) + sp.atanh(x / 9),
     "constants": sp.pi * x + sp.E * y + sp.exp(2),
+    "sums that overflow": (x + 3 * sp.exp(900 * y)) / (1 + sp.exp(900 * y)) + sp.log(1 + sp.exp(900 * x)),
     "the error function": sp.erf(x) + sp.erf(9 * y),
 }
 

@@ -14,8 +14,7 @@ import sympy as sp
 from llvmlite import ir
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
-from gsp.algebra.bounded_quotients import bounded_logarithm, bounded_quotient
-from gsp.algebra.differentiation import bounded_product
+from gsp.algebra.bounded_quotients import bounded
 from gsp.errors import GspError, UnsupportedFunctionError
 from gsp.lowering.instructions import landings
 from gsp.lowering.steps.arithmetic import intrinsic
@@ -114,6 +113,8 @@ class Emitter:
             return constant(nearest_double(expression))
         if isinstance(expression, sp.Add):
             return self._sum(expression)
+        if (found := bounded(expression)) is not expression:
+            return self._value(found)
         if isinstance(expression, sp.Mul):
             return self._product(expression)
         if isinstance(expression, sp.Pow):
@@ -135,9 +136,6 @@ class Emitter:
         return total
 
     def _product(self, expression: sp.Mul) -> Any:
-        bounded = bounded_product(bounded_quotient(expression))
-        if bounded is not expression:
-            return self._value(bounded)
         above: Any = None
         below: Any = None
         for factor in expression.args:
@@ -180,10 +178,6 @@ class Emitter:
         kind = expression.func
         if kind in (sp.sin, sp.cos, sp.exp) and self._constants is not None:
             return self._folded(expression, lambda x: self._elementary(kind, expression.args[0], x))
-        if kind is sp.log:
-            bounded = bounded_logarithm(expression)
-            if bounded is not expression:
-                return self._value(bounded)
         if kind in _KNOWN:
             return self._folded(expression, lambda *x: self._call(_KNOWN[kind], *x))
         if kind is sp.Abs:

@@ -184,9 +184,8 @@ class SheetBuilder(Tracer[_SheetNode]):
         )
         self.most = SEGMENTS
         self._inwards, self._still, self._allowed = False, 0, 0
-        # The angle by which the curve has turned in its own sense, its greatest value and the node that has it. Inwards
-        # the curve turns as M0 does at the fold, coming from its own sheet: g_yy > 0 makes that of the attracting one,
-        # g_y < 0, come with y growing.
+        # The angle by which the curve has turned in its own sense, its greatest value and the node that has it. Its
+        # sense inwards is that of the line g = 0 in the section, followed from this sheet over the fold.
         self._sense = self.side * np.sign(frame.gradient(frame.point)[self.other])
         self._turned, self._most_turned, self._innermost = 0.0, 0.0, 0
         # In the section the other slow variable varies as g does.
