@@ -23,8 +23,8 @@ from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.equations import without_decimals
 from gsp.systems.system import VectorField
 
-# Parts of a step at first, how often they are halved, and how many halves are looked at in all.
-PARTS, HALVINGS, MOST = 8, 12, 2000
+# Parts of a step at first, which are halved down to the relative tolerance, and how many halves are looked at in all.
+PARTS, MOST = 8, 2000
 # A function has a sign where it has it over so much rounding of the states.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
@@ -66,18 +66,22 @@ def run_to_event(
     run = trajectory_of(field, start=start, span=span, rtol=rtol, atol=atol, options=options)
     while functions is not None:
         with precision(balls.PRECISION), np.errstate(all="ignore"):
-            strip, is_clear = _strip(functions, run)
+            strip, is_clear = _strip(functions, run, rtol)
         if strip is None:
             return WatchedRun(run, is_clear)
         before = (span[0], strip)
         again = trajectory_of(field, start=start, span=before, rtol=rtol, atol=atol, options=options)
         if again.status is not Status.EVENT_REACHED:
             break
+        # What lies beside the event that ended the run, as near as its place is known, is that event.
+        earlier = abs(run.t[-1] - again.t[-1]) > rtol * abs(run.t[-1] - run.t[0])
         run = again
+        if not earlier:
+            break
     return WatchedRun(run, False)
 
 
-def _strip(functions: Sequence[BallFunction], run: Trajectory) -> tuple[float | None, bool]:
+def _strip(functions: Sequence[BallFunction], run: Trajectory, rtol: float) -> tuple[float | None, bool]:
     """A time in the first strip seen where one of the functions is positive, and whether there is no other place."""
     if run.t.size < 2:
         return None, True
@@ -86,7 +90,7 @@ def _strip(functions: Sequence[BallFunction], run: Trajectory) -> tuple[float | 
     high = np.append(low[1:], run.t[-1])
     margin = ROUNDING * np.abs(run.y).max(axis=1)
     budget = MOST
-    for _ in range(HALVINGS):
+    for _ in range(int(np.ceil(-np.log2(rtol)))):
         middle = low + 0.5 * (high - low)
         first, at, last = (run.at(t) for t in (low, middle, high))
         # A curve leaves its chord by hardly more than it does in the middle.
