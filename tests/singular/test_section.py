@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -11,6 +14,7 @@ from scipy.optimize import brentq
 import gsp
 from gsp.singular.ramps.critical_rate import TippingVerdict
 from gsp.singular.ramps.ramped import RampError
+from gsp.singular.ramps.section import Passage, matched
 from gsp.systems.ramp import PHASE, Ramp
 
 x, y, z, l, mu = sp.symbols("x y z l mu")  # noqa: E741
@@ -285,6 +289,18 @@ def test_what_rounding_decides_is_no_critical_rate(prey: int, predator: int, rev
     assert max(found.errors) < 1e-12
     for rate, size in ((0.112, 1), (0.122, 0), (0.23, 0), (0.25, 1)):
         assert found.run(rate, after=3000.0)["N"][-1] * 10.0**prey == pytest.approx(0.8974359 * size, abs=1e-3)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_coin_beyond_an_end_of_the_bracket_is_seen(side: float) -> None:
+    """At 1, an end, runs end on the one side, and within the bracket on the other; beyond, as a coin has it."""
+
+    def gap(rate: float) -> float:
+        beyond = side * (rate - 1.0)
+        return -1e-9 if beyond == 0.0 or (beyond < 0.0 and np.sin(1e9 * rate) < 0.0) else 1.0
+
+    passage = cast("Passage", SimpleNamespace(gap=gap, orbit=lambda rate: (np.zeros((2, 1)), np.zeros(2))))
+    assert matched(passage, *sorted((1.0, 1.0 + side))) is None
 
 
 def test_a_ramp_to_where_the_rest_point_does_not_attract_always_tips() -> None:

@@ -37,8 +37,8 @@ DECADES, PER_DECADE = 3, 10
 SETTLING = 40.0
 # A run that ends so near to a rest point, by the distance of the two that the edge divides, ends in it.
 NEAR = 0.1
-# A zero is looked at from these shares of the way to the rates that bracket it: where rounding decides, signs are those
-# of a coin.
+# A zero is looked at from these shares of the way between the rates that bracket it: where rounding decides, signs are
+# those of a coin.
 CLOSER = tuple(10.0**-k for k in range(1, 9))
 # Orbits beside the edge begin by this away from it.
 BESIDE = 1e-6
@@ -264,7 +264,9 @@ class Passage:
             return float(np.log(np.abs(distance(y.reshape(-1, 1))[0]) / self.section))
 
         at = root(beyond, float(last.t[i]), float(last.t[i + 1]))
-        return side * float(np.exp(-self.edge.growth * ((float(last.t[i]) if at is None else at) - last.t[0])))
+        time = (float(last.t[i]) if at is None else at) - last.t[0]
+        # Its sign is the side, which a long time does not take away.
+        return side * max(float(np.exp(-self.edge.growth * time)), np.finfo(float).tiny)
 
     @cached_property
     def section(self) -> float:
@@ -300,7 +302,7 @@ def matched(passage: Passage, a: float, b: float) -> Connection | None:
     """The connection at a rate between a and b, whose runs end on different sides."""
     fine = root(passage.gap, a, b)
     # Where no run passes near the edge, the ends differ by something else, and so they do where rounding decides.
-    if fine is None or abs(passage.gap(fine)) == 1.0 or not _changes_once(passage, a, fine, b):
+    if fine is None or abs(passage.gap(fine)) == 1.0 or not _changes_once(passage, fine, b - a):
         return None
     near = 1e3 * COARSE * fine
     coarse = root(lambda rate: passage.gap(rate, COARSE), fine - near, fine + near)
@@ -309,7 +311,7 @@ def matched(passage: Passage, a: float, b: float) -> Connection | None:
     return Connection(fine, error, s, x)
 
 
-def _changes_once(passage: Passage, a: float, zero: float, b: float) -> bool:
-    """Whether the gap has one sign on each side of its zero, however near."""
-    left, right = ({np.sign(passage.gap(zero + share * (end - zero))) for share in CLOSER} for end in (a, b))
+def _changes_once(passage: Passage, zero: float, way: float) -> bool:
+    """Whether the gap has one sign on each side of its zero, however near; also of one next to an end of the way."""
+    left, right = ({np.sign(passage.gap(zero + share * side)) for share in CLOSER} for side in (-way, way))
     return len(left) == len(right) == 1 and left != right
