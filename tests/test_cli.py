@@ -218,6 +218,7 @@ def test_folds_are_found_along_an_implicit_branch() -> None:
     assert "without roots: it has no folds" in run("folds", "linear").output
 
 
+@pytest.mark.exhaustive
 def test_folds_name_weights_and_powers_and_print_charts() -> None:
     line = "weights x 1, y 2, epsilon 3; degree 1; so x ~ epsilon^(1/3), y ~ epsilon^(2/3), slow time ~ epsilon^(2/3)"
     assert line in run("folds", "van_der_pol").output
@@ -336,6 +337,7 @@ def test_folds_outside_the_region_are_called_so() -> None:
     assert not any(p["in_region"] for p in json.loads(run("folds", "van_der_pol", "--json").stdout)["special"])
 
 
+@pytest.mark.exhaustive
 def test_two_curves_of_folds_are_told_apart_and_the_canards_on_them() -> None:
     text = run("folds", "koper").output
     assert "x = -1 throughout" in text
@@ -386,6 +388,7 @@ def test_the_package_run_as_a_module_is_the_command_line() -> None:
         assert found.stdout.startswith("gsp, version"), found.stderr
 
 
+@pytest.mark.exhaustive
 def test_a_command_ends_without_a_look_for_cycles() -> None:
     # What is registered first is called last.
     text = (
@@ -468,6 +471,7 @@ def test_ctrl_c_while_the_package_is_imported_is_told_by_the_command_line_alone(
     assert done.stdout == ("still its own\n" if ends is None else "")
 
 
+@pytest.mark.exhaustive
 def test_a_report_is_opened_when_that_is_asked(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[str] = []
     monkeypatch.setattr("click.launch", lambda url: shown.append(url) or 1)

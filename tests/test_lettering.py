@@ -7,12 +7,11 @@ import pytest
 
 import gsp
 from gsp import models
-from gsp.demos.demo import stories
 from gsp.report import write_report
 from gsp.results.lettering import GREEK
 from tests.analyses import analysis_of
 from tests.cards.test_cards import NOUNS, QUICK
-from tests.cases import sampled
+from tests.cases import sampled, thinned
 from tests.test_transport import noun
 
 PLAIN = re.compile(rf"\b(?:{'|'.join(GREEK)})\b|sqrt\(|\*\*|\w\^\w|\b[a-z]_[0-9]\b|<=")
@@ -56,7 +55,7 @@ def test_a_report_is_lettered(name: str, tmp_path) -> None:
     assert plain_in(page.read_text(encoding="utf-8")) == []
 
 
-@pytest.mark.parametrize("name", sampled(models.names(), always=stories()))
+@pytest.mark.parametrize("name", thinned(models.names(), 5))
 def test_a_demo_is_lettered_in_words_menus_and_pictures(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
     read = (

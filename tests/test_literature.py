@@ -148,6 +148,7 @@ SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
 """An explicit branch with folds, a raw field, and an implicit branch with two fast variables."""
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name",
     [
@@ -232,6 +233,7 @@ KNOWN_FOLDS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(KNOWN_FOLDS, always=list(KNOWN_FOLDS)[::4]))
 def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
     scanned = folds_by_scanning(name)

@@ -67,6 +67,7 @@ def test_a_value_of_epsilon_needs_one(motor: Path) -> None:
         run("run", motor, "--epsilon", "0.1")
 
 
+@pytest.mark.exhaustive
 def test_what_is_fast_is_looked_for_and_told(motor: Path) -> None:
     found = run("split", motor, "--json")
     assert json.loads(found.stdout)["fast"] == {"i": "-R*i - k*w + 1"}

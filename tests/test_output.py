@@ -111,6 +111,7 @@ def test_a_full_device_is_an_output_error():
         write_rows([{"a": 1}], FULL)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("kind", "begin"), thinned([("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")], 2)
 )
@@ -128,6 +129,7 @@ def test_a_chart_is_written_as_its_ending_says(kind, begin, tmp_path):
     assert not (tmp_path / "c.jpeg").exists()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "key", sampled(["\\u001b[31mred", "\\u0000", "\\u202eabc", "a\\u0007"], always=["\\u001b[31mred"])
 )
@@ -191,6 +193,7 @@ def test_compilation_is_told_once():
     assert told == ["compiling"]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
 def test_a_terminal_shows_the_letters_that_it_has(encoding: str) -> None:
     """Through a pseudo-terminal, whose other end is read here; what goes to a pipe is plain."""

@@ -67,6 +67,7 @@ def test_neither_units_nor_the_order_of_declaration_nor_what_ran_before_change_a
             assert verdict(rescaled(plain, powers), verb) == expected[verb], (verb, powers)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name",
     sampled(sorted({*scenes()[1::2], *REPORTED}), always=REPORTED),
@@ -90,6 +91,7 @@ def test_a_report_says_and_names_the_same_in_other_units(name: str) -> None:
     assert named_points(found, powers) == pytest.approx(points, rel=1e-6, abs=1e-9, nan_ok=True)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "case",
     sampled(
@@ -106,6 +108,7 @@ def test_units_of_time_change_no_verdict(case: tuple[str, tuple[str, ...]]) -> N
         assert verdict(other, verb) == verdict(plain, verb), verb
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "case",
     sampled(
@@ -125,6 +128,7 @@ def test_the_direction_in_which_states_are_counted_changes_no_verdict(
         assert unordered(verdict(mirrored(plain), verb)) == unordered(verdict(plain, verb)), verb
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_is_followed_to_where_it_stands_in_units_in_which_it_is_large() -> None:
     """Newton's method moves a point by its rounding, 1e-8 where V is 1e8, and the way there has no length."""
     plain = scene("butera_rinzel_smith")
@@ -137,6 +141,7 @@ def test_a_sheet_is_followed_to_where_it_stands_in_units_in_which_it_is_large() 
         assert np.allclose(followed, y, rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", REFERENCE)
 def test_one_machine_and_one_oscillator_are_judged_alike_in_all_units(name: str) -> None:
     """The rate of each constant metric is at least |Re lambda|, which no units change, and the least comes to it."""

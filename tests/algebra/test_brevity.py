@@ -1,5 +1,6 @@
 """What a message shows of long expressions and of many quantities."""
 
+import pytest
 import sympy as sp
 
 from gsp.algebra.brevity import LISTED, SHOWN, brief, listed
@@ -40,6 +41,7 @@ def test_what_is_too_long_to_be_printed_shows_the_terms_that_are_not() -> None:
     assert brief(deep).endswith(" operations")
 
 
+@pytest.mark.exhaustive
 def test_a_branch_of_many_variables_is_shown_in_a_line() -> None:
     x, epsilon = sp.symbols("x epsilon")
     y = sp.symbols("y1:101")

@@ -53,6 +53,7 @@ def same(left: sp.Expr, right: sp.Expr) -> bool:
     return type(left) is type(right) and sp.srepr(left) == sp.srepr(right)
 
 
+@pytest.mark.exhaustive
 def test_sums_and_products_are_those_of_sympy() -> None:
     parts, chance = pool(), random.Random(7)
     for _ in range(700):
@@ -77,6 +78,7 @@ def test_functions_are_those_of_sympy(function: type[sp.Function]) -> None:
         assert same(product_of([argument, other]), argument * other)
 
 
+@pytest.mark.exhaustive
 def test_powers_of_sums_are_those_of_sympy() -> None:
     parts, chance = [u for u in pool() if u.is_commutative], random.Random(13)
     bases = [*parts, *(sp.Add(*chance.sample(parts, k % 4 + 2)) for k in range(150))]

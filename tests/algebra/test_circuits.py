@@ -125,6 +125,7 @@ def nested(levels: int) -> sp.Expr:
     return found
 
 
+@pytest.mark.exhaustive
 def test_shared_parts_are_compared_shown_and_searched_without_a_walk() -> None:
     # Written out this has 2^1000 parts.
     one, two = nested(1000), nested(1000)

@@ -83,6 +83,7 @@ def test_a_hard_quadrature_is_given_up_in_good_time() -> None:
     assert first_integrals(layer, (x, y), count=1) == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("above", "below"),
     [

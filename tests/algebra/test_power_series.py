@@ -32,6 +32,7 @@ def check(expression: sp.Expr, inner: sp.Expr) -> None:
         assert abs(sp.N((got - expected).subs(point), 30)) < 1e-18, (k, got, expected)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", thinned(sorted(set(RULES) - {"sign"}), 2))
 def test_functions_of_a_series_have_the_taylor_coefficients_that_sympy_finds(name: str) -> None:
     function = getattr(sp, name)

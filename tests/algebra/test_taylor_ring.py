@@ -52,6 +52,7 @@ def _digits():
     flint.ctx.prec = before
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", KINDS)
 def test_arithmetic_is_that_of_the_polynomials(kind: str) -> None:
     ring = TaylorRing(KINDS[kind], LENGTH)
@@ -101,6 +102,7 @@ def test_a_series_knows_how_many_of_its_coefficients_are_right(kind: str) -> Non
     assert series(ring, 1, 2).key == (series(ring, 1) + series(ring, 0, 2)).key
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "kind"), thinned(product(sorted(set(RULES) - {"sign"}), KINDS), 2))
 def test_functions_have_the_coefficients_that_differentiation_gives(kind: str, name: str) -> None:
     start = {"log": 1, "sqrt": sp.Rational(9, 4), "acosh": 2}.get(name, 0)

@@ -34,6 +34,7 @@ def test_every_stage_is_there_and_timed(sleigh) -> None:
     assert sleigh.hyperbolicity.holds
 
 
+@pytest.mark.exhaustive
 def test_pictured_runs_go_from_the_friction_to_its_limit(sleigh) -> None:
     epsilons = sorted(sleigh.ladder)
     assert sleigh.full is sleigh.ladder[sleigh.scene.epsilon]
@@ -43,6 +44,7 @@ def test_pictured_runs_go_from_the_friction_to_its_limit(sleigh) -> None:
     assert distances == sorted(distances)
 
 
+@pytest.mark.exhaustive
 def test_landing_runs_end_on_the_slow_manifold(sleigh) -> None:
     assert sleigh.landing
     for run in sleigh.landing:

@@ -65,6 +65,7 @@ def test_a_canard_point_of_the_one_parameter_has_its_series() -> None:
     assert "canard" in ends.orbit.message
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("shift", "parameters"), [(sp.Integer(1), {}), (a + b, {a: sp.Rational(1, 2), b: sp.Rational(1, 2)})]
 )

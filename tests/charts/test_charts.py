@@ -110,11 +110,13 @@ def test_the_sleigh_is_seen_in_its_raw_variables_and_in_the_plane():
     assert charts.heading_of(sleigh) == "phi"
 
 
+@pytest.mark.exhaustive
 def test_a_path_needs_a_scene_that_has_one():
     with pytest.raises(DeclarationError, match="draws no path"):
         charts.path(analysis_of("linear"))
 
 
+@pytest.mark.exhaustive
 def test_constant_eigenvalues_are_known():
     assert charts.has_constant_eigenvalues(analysis_of("chaplygin_sleigh"))
     assert not charts.has_constant_eigenvalues(analysis_of("van_der_pol"))
@@ -167,6 +169,7 @@ def test_streamlines_follow_the_field_and_stop_at_rest():
         assert (py > -0.06).all() or (py < 0.06).all()
 
 
+@pytest.mark.exhaustive
 def test_critical_curves_and_sheets_show_their_special_points():
     curve = charts.surroundings(analysis_of("van_der_pol"))
     labels = [text.get_text() for text in curve.get_legend().get_texts()]
@@ -177,6 +180,7 @@ def test_critical_curves_and_sheets_show_their_special_points():
         charts.surroundings(analysis_of("linear"))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("unit", [1, sp.Rational(1, 1000)])
 def test_a_curve_that_leaves_for_infinity_does_not_set_the_scale(unit):
     # The folds are at w = +-2, v = -+1; beside w = 10 v has no bound.
@@ -385,6 +389,7 @@ def test_states_over_time_are_seen_where_the_reduced_run_ends_where_it_starts():
     assert not any("reduced" in text.get_text() for text in axes.get_legend().get_texts())
 
 
+@pytest.mark.exhaustive
 def test_a_run_is_labelled_by_the_name_of_its_small_parameter() -> None:
     x, y, nu = sp.symbols("x y nu")
     system = gsp.SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=nu)

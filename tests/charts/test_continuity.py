@@ -100,6 +100,7 @@ def test_lines_of_the_critical_manifold_are_its_zeros_all_of_them_and_no_poles(g
         assert expected <= sheets
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "rate", thinned([sp.sign(x - sp.Rational(1, 3)) - y, sp.Abs(3 * x - 1) / (3 * x - 1) - y], 2)
 )

@@ -28,6 +28,7 @@ def test_an_order_whose_base_point_is_beyond_the_sheet_does_not_refuse_those_bel
     assert choose(gene, solve=False).verdict.answer not in (Answer.NO, Answer.IN_PART)
 
 
+@pytest.mark.exhaustive
 def test_a_layer_that_carries_the_start_beyond_its_sheet_is_told() -> None:
     choice = choose(load(FOLDER / "gene_dimers_from_nothing.toml"), orders=(0,), solve=False)
     first = choice.candidates[0]

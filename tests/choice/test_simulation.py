@@ -146,6 +146,7 @@ def test_a_scene_that_is_reduced_throughout_is_one_piece_and_tells_its_layer() -
     assert np.abs(run.sample(times)["x"] - reference(scene, times)["x"]).max() < 1e-4
 
 
+@pytest.mark.exhaustive
 def test_raw_variables_and_reconstruction_are_there_in_every_model() -> None:
     scene = models.load("chaplygin_sleigh")
     choice = choose(scene)

@@ -190,6 +190,7 @@ def test_the_card_says_where_both_runs_begin() -> None:
     assert "the full run begins off the slow manifold, the reduced one at its base point" in corrected
 
 
+@pytest.mark.exhaustive
 def test_functions_of_two_fast_variables_are_compared_through_order_four_by_programs() -> None:
     # The polynomials of order 3 are beyond the budget of terms; those of order 2 have ten thousand.
     z = sp.Symbol("z")
@@ -208,6 +209,7 @@ def test_functions_of_two_fast_variables_are_compared_through_order_four_by_prog
     assert "at order 4 it has coefficients of 1090 steps, more than 600" in study.why_shorter(6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["icealbedo", "npz"])
 def test_order_one_is_better_by_a_power_beside_a_kink_and_where_two_limits_meet(name: str) -> None:
     # Ice and albedo switch beside the run; Liebig's minimum is a kink of the fast rates.

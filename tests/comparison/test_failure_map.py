@@ -32,6 +32,7 @@ def van_der_pol():
     return failure_map(models.load("van_der_pol"), epsilons=np.geomspace(1e-4, 1e-1, 10))
 
 
+@pytest.mark.exhaustive
 def test_higher_orders_hold_where_lower_ones_do_for_small_epsilon(van_der_pol):
     least = van_der_pol.least_order[0]
     on_sheet = van_der_pol.positions > -0.5
@@ -41,6 +42,7 @@ def test_higher_orders_hold_where_lower_ones_do_for_small_epsilon(van_der_pol):
         assert (above < below).all()
 
 
+@pytest.mark.exhaustive
 def test_nothing_holds_beyond_the_fold(van_der_pol):
     beyond = van_der_pol.positions < -2.0 / 3.0
     for claim in van_der_pol.places.values():

@@ -159,6 +159,7 @@ def enzyme() -> MethodTable:
     return method_table(scene, points=np.linspace(0.3, 1.8, 9), epsilons=(0.02, 0.01, 0.005))
 
 
+@pytest.mark.exhaustive
 def test_every_fitted_order_of_the_table_is_the_expected_one(enzyme: MethodTable) -> None:
     for row in enzyme.rows:
         if row.expected is not None:
@@ -362,6 +363,7 @@ def test_readying_a_method_takes_no_longer_than_the_table_and_its_points_are_in_
     assert high - 0.1 * (high - low) < table.points.max() < high
 
 
+@pytest.mark.exhaustive
 def test_more_than_three_slow_variables_take_pointwise_methods() -> None:
     slow = sp.symbols("x1:5")
     system = SlowFastSystem(
@@ -395,6 +397,7 @@ def test_orders_are_a_sequence() -> None:
         method_table(models.load("linear"), iterates=1)
 
 
+@pytest.mark.exhaustive
 def test_the_command_tells_the_reference_and_what_was_cut_short_as_the_table_does(monkeypatch) -> None:
     """All of what the text says stands in the JSON, and in the table's attributes."""
     scene = models.load("michaelis_menten")

@@ -80,6 +80,7 @@ def test_every_method_and_every_peer_agree(michaelis_menten):
             assert curve.points[-1].error < 2e-8, curve.label
 
 
+@pytest.mark.exhaustive
 def test_a_run_says_what_it_cost(michaelis_menten):
     point = michaelis_menten["radau9"].points[0]
     assert point.seconds > 0.0

@@ -128,6 +128,7 @@ def test_two_folds_within_one_step_are_both_found() -> None:
     assert sorted(p["y"] for p in curve.special) == pytest.approx([-h, h], abs=1e-12)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("start", [2.0, 0.5, -3.0])
 def test_folds_of_a_curve_that_runs_away_are_found_from_every_start(start: float) -> None:
     """The size that y has at the curve's end says nothing of the direction at a fold before it."""

@@ -151,6 +151,7 @@ def test_a_thousand_points_equal_the_points_one_by_one() -> None:
     assert batch[::100, 0] == pytest.approx([sheet.points(value)[0] for value in grid[::100]], abs=1e-13)
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_ends_at_its_fold_and_the_error_says_where() -> None:
     (branch,) = solve_critical(one(x + y - y**3 / 3)).branches
     upper = branch.through({"x": 0, "y": 1.7})
@@ -488,6 +489,7 @@ def test_a_region_without_a_branch_names_the_piece_that_may_be_there() -> None:
         manifold.nearest({"x": 1, "X": 0.3, "Y": 0.2})
 
 
+@pytest.mark.exhaustive
 def test_how_far_a_piece_of_several_equations_is_counts_all_of_them() -> None:
     fast = {**LINE_AND_POINT, z: z - X}
     manifold = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=eps))

@@ -246,6 +246,7 @@ def test_the_sheet_of_koper_has_its_two_lines_of_folds() -> None:
     assert euler(sheet) == 1
 
 
+@pytest.mark.exhaustive
 def test_sheets_that_cross_have_no_fold_there() -> None:
     # The prey of a food chain: x = 0, and a graph that folds at x = 1/3, y = 4/15 and crosses x = 0 at y = 1/5.
     sheet = critical_sheet(
@@ -330,6 +331,7 @@ def test_a_sheet_ends_where_g_is_not_finite() -> None:
     assert sheet.residual < 1e-12
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", sampled([-6, 0, 6], always=[6]))
 def test_vertices_beside_a_pole_that_are_not_on_the_manifold_are_left_out_in_any_units(power: int) -> None:
     """Budworms y on foliage a: cubes on the bound have their corners where the capacity y/(355 a) has no size."""
@@ -349,6 +351,7 @@ def test_vertices_beside_a_pole_that_are_not_on_the_manifold_are_left_out_in_any
     assert np.array_equal(np.unique(sheet.triangles), np.arange(len(sheet.points)))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", sampled([-6, 0, 6], always=[6]))
 @pytest.mark.parametrize("edge", sampled([-(2.0**-53), 0.0], always=[0.0]))
 def test_a_fold_beside_a_pole_on_the_bound_is_found_on_either_side_of_rounding(edge: float, power: int) -> None:

@@ -26,6 +26,7 @@ def folded(seed: int) -> sp.Expr:
     return sp.Rational(int(rng.integers(20, 100)), 100) * y * (-1) ** seed + sp.Add(*steps)
 
 
+@pytest.mark.exhaustive
 def test_a_sheet_ends_at_its_folds_and_hardly_a_point_of_another_is_returned() -> None:
     """Checked at both of its ends a step may still land on another sheet; checked at one, one in nine did."""
     beyond = taken = 0

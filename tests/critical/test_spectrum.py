@@ -55,6 +55,7 @@ def test_a_jordan_block_has_the_gap_of_its_eigenvalue(size, above) -> None:
     assert verdict(jordan(size, above, value=1)).kind is Kind.REPELLING
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", sampled(range(6), always=[1]))
 def test_a_jordan_block_in_other_coordinates_has_the_same_gap(seed) -> None:
     T = unimodular(4, seed)

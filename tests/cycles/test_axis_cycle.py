@@ -13,7 +13,7 @@ from flint import arb
 import gsp
 from gsp.proofs import circuit_checker
 from gsp.proofs.programs import Rejected
-from tests.cases import sampled, thinned
+from tests.cases import sampled
 from tests.cycles.collocation import computed_cycle
 from tests.cycles.systems import R, epsilon, orbit_of, system, x, y
 from tests.proof_files import Change, changed, number, written
@@ -194,6 +194,7 @@ CHANGES: dict[str, Change] = {
 }
 
 
+@pytest.mark.exhaustive
 def test_the_proof_is_accepted(proof: dict) -> None:
     found = circuit_checker.check(proof)
     assert found.annuli[0].unique
@@ -201,7 +202,8 @@ def test_the_proof_is_accepted(proof: dict) -> None:
     assert found.as_dict()["level"] == "0"
 
 
-@pytest.mark.parametrize("name", thinned(CHANGES, 12))
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", CHANGES)
 def test_a_changed_proof_is_rejected(proof: dict, name: str) -> None:
     other = copy.deepcopy(proof)
     CHANGES[name](other)

@@ -48,6 +48,7 @@ def certified(name: str) -> CycleCertificate:
     return gsp.certify(orbit_of(found, *start))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", sampled(CASES, always=["Morris-Lecar", "van der Pol, a = 9/10"]))
 def test_a_cycle_exists_and_is_the_only_one_for_every_epsilon_up_to_a_bound(name: str) -> None:
     found = certified(name)
@@ -74,6 +75,7 @@ def test_the_period_and_the_ends_of_a_computed_cycle_are_in_their_bounds(name: s
             assert high[0] < values.max() < high[1]
 
 
+@pytest.mark.exhaustive
 def test_an_epsilon_that_is_given_has_an_annulus_of_its_own() -> None:
     orbit = orbit_of(van_der_pol(), 2, 0.6)
     wide, narrow = (gsp.certify(orbit, epsilon=small).uniqueness for small in (0.1, 1e-4))
@@ -104,6 +106,7 @@ def test_a_line_stays_as_far_from_a_sheet_as_orbits_lag_behind_it() -> None:
     assert len(outlined._closed(outer=True).points) < 1000
 
 
+@pytest.mark.exhaustive
 def test_rates_may_depend_on_epsilon() -> None:
     found = gsp.certify(orbit_of(system(-x - epsilon * y, y - x**3 / 3 + x + epsilon * sp.cos(x)), 2, 0.6))
     assert found.epsilon_0 > 0.02

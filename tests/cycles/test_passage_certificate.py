@@ -241,6 +241,7 @@ def test_the_drift_beside_a_transcritical_point_decides_what_is_proved() -> None
     assert "escape" in gsp.certify(down, epsilon=1e-3).reason
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["fold", "crossing", "delay"])
 def test_what_is_proved_is_drawn(name: str) -> None:
     if name == "fold":

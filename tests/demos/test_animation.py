@@ -38,6 +38,7 @@ def still(motion: moving.Motion) -> FuncAnimation:
     return figure
 
 
+@pytest.mark.exhaustive
 def test_the_sleigh_moves_and_takes_its_body_along(tmp_path: Path) -> None:
     shares: list[float] = []
     file = gsp.animate(

@@ -149,6 +149,7 @@ WAY_OUT = (
 )
 
 
+@pytest.mark.exhaustive
 def test_the_delay_and_its_buffer_are_as_they_are_told(page, tmp_path) -> None:
     scene = models.load("shishkova")
     study = gsp.study(scene)

@@ -406,6 +406,7 @@ def coupled(n: int) -> gsp.Scene:
     return gsp.Scene(system, {"x": (0.1, 1.0)}, start, (0, 1), 0.01, (0.02, 0.01), 1e-6)
 
 
+@pytest.mark.exhaustive
 def test_coefficients_that_are_programs_are_exported_step_by_step(tmp_path: Path) -> None:
     made = gsp.study(coupled(7))
     assert made.series(1).is_program

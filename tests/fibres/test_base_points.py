@@ -297,6 +297,7 @@ def test_a_layer_through_a_pole_is_refused() -> None:
         project(branch, {"x": 1, "y": -1}, epsilon=0.01)
 
 
+@pytest.mark.exhaustive
 def test_two_time_scales_in_the_fast_block_are_named() -> None:
     system = SlowFastSystem(slow={x: -x + z}, fast={y: x - y - y**3, z: 10**6 * (y - z)}, epsilon=epsilon)
     branch = solve_critical(system).branches[0]

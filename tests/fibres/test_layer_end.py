@@ -46,6 +46,7 @@ def test_slow_layers_are_followed_to_their_end() -> None:
     assert found == pytest.approx([1.0, 1.0], rel=1e-12)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("rates", "start"),
     [
@@ -70,3 +71,5 @@ def test_an_attractor_is_near_and_attracts() -> None:
     # The saddle, and a place from which Newton's method comes to an attractor that is far away.
     assert attractor_at(flow, np.zeros(2)) is None
     assert attractor_at(flow, np.array([2.0, 10.0]) / flow.units) is None
+    # At its end a rate may have no derivative.
+    assert attractor_at(layer({y: -sp.sqrt(y), z: -z}, (1.0, 1.0)), np.zeros(2)) is None

@@ -111,6 +111,18 @@ def test_without_jets_heights_are_sums_and_their_error_is_the_largest_of_all_poi
     assert 1e-9 < off[1] <= error < 1e-4
 
 
+def test_where_no_height_is_found_is_told_in_the_models_own_units(monkeypatch) -> None:
+    (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=eps)).branches
+    height = shadowing._height(branch, 0.05, np.zeros(1), None, (np.array([4.0]), np.ones(1)))
+
+    def lost(tape, branch, x, y, epsilon, order, tolerance) -> tuple:
+        return y, np.where(x[:, 0] == 3.0, -1, 2), np.zeros(len(x)), None, 0
+
+    monkeypatch.setattr(shadowing, "climb", lost)
+    with pytest.raises(BranchError, match="over x = 12\\."):
+        height(np.array([[1.0], [3.0], [5.0]]))
+
+
 @dataclass
 class Run:
     """A run that is what its values `y` (n, m) say, at times 1, 2, ..."""
@@ -141,6 +153,7 @@ def test_a_run_that_leaves_again_and_comes_back_has_not_landed(away: float, monk
         assert (first, second) == (1, 7)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("end", [8, 16, 40])
 def test_a_solved_piece_that_the_run_leaves_before_its_layer_is_over_gives_what_it_can(end: int) -> None:
     """x' = 1 + y/2 from x = 0 leaves [-1, end layer times]: what is left of the layer then is the error."""

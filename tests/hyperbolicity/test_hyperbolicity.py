@@ -198,6 +198,7 @@ def test_a_pole_of_the_branch_is_found_between_the_samples(g) -> None:
     assert poles
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("height", "place"),
     [
@@ -283,6 +284,7 @@ def test_a_linear_change_of_the_fast_variables_changes_nothing(entries, rates) -
     assert disguised.gap == pytest.approx(plain.gap, rel=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_the_rates_give_the_r_of_normal_hyperbolicity() -> None:
     verdict = judge(x - 2 * y, f=-4 * x, epsilon=0.1)
     assert (verdict.rates.normal, verdict.rates.tangential) == (2, 4)

@@ -367,6 +367,7 @@ def test_curves_of_other_losses_are_merged() -> None:
     assert only(judge(hopf), LossKind.HOPF).samples > 8
 
 
+@pytest.mark.exhaustive
 def test_folds_that_are_not_joined_are_two_losses() -> None:
     case = Case({x: sp.Integer(1), u: -u}, {y: x - y**3 / 3 + y}, {}, PLANE, LossKind.FOLD)
     verdict = judge(case)
@@ -695,6 +696,7 @@ def test_the_end_of_a_domain_is_no_loss_of_an_eigenvalue() -> None:
         assert not found.losses[0].may_reduce
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", sampled([1, 5], always=[1]))
 @pytest.mark.parametrize(
     ("fast", "kind"),

@@ -133,6 +133,7 @@ def test_folds_of_a_graph_with_a_root_are_followed_around_the_region() -> None:
     assert "branch point" in ends.orbit.message
 
 
+@pytest.mark.exhaustive
 def test_folds_of_a_graph_with_a_root_over_two_slow_variables_are_a_curve() -> None:
     system = SlowFastSystem(slow={x: -x, y: 1 - y}, fast={u: x + y**2 / 4 - u**2}, epsilon=eps)
     scene = scene_of(system, {"x": (0.5, 2), "y": (-1, 1), "u": (0.2, 2)}, {"x": 1, "y": 0.2, "u": 1.0})

@@ -54,7 +54,7 @@ def verdict(plus, minus, phi, region=LINE, rates=(1, 1)) -> Hyperbolicity:
             ("atan", np.inf, Fraction(1, 3)),
             ("tanh", np.inf, None),
         ],
-        3,
+        8,
     ),
 )
 def test_the_end_of_sliding_is_a_visible_fold_with_the_power_of_its_law(phi, end, exponent) -> None:
@@ -89,6 +89,7 @@ def test_a_field_that_bends_back_has_an_invisible_fold(phi) -> None:
     assert "begin to slide" in loss.consequence
 
 
+@pytest.mark.exhaustive
 def test_a_law_that_overshoots_lets_go_at_its_maximum() -> None:
     """phi' = 0 at sqrt(3), where phi = 1.299: the fold of M0 is the onset of slip, with the passage of a fold."""
     (loss,) = verdict(x, 1, STRIBECK).losses
@@ -160,6 +161,7 @@ def test_a_root_of_what_is_positive_is_no_switching_surface() -> None:
     assert not verdict(x, 1, "algebraic", region={"x": (-0.5, -0.1), "v": (-3, 3)}).notes
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("law", "n"), thinned([("cubic", 2.0), ("coulomb", -2.0), ("tanh", None)], 3))
 def test_a_scene_with_contacts_calls_the_end_of_their_cone_so(law, n) -> None:
     """As `no_slip` and `run` do."""

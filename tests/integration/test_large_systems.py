@@ -111,6 +111,7 @@ def test_jacobians_are_those_of_the_field(line):
     assert np.array_equal(compiled.jacobians(z[None, :], p)[0], exact)
 
 
+@pytest.mark.exhaustive
 def test_events_and_ensembles_go_the_same_way(line, written):
     flow, start = line
     u = flow.states[8]

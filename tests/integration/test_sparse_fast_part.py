@@ -51,6 +51,7 @@ def scaled_determinant(J: np.ndarray) -> float:
     return float(np.linalg.det(J / np.linalg.norm(J, axis=1)[:, None]))
 
 
+@pytest.mark.exhaustive
 def test_what_is_watched_is_that_of_dense_matrices(flow) -> None:
     validity = validity_of(flow)
     parts = validity._parts

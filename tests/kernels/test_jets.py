@@ -41,6 +41,7 @@ def of_function(expression):
     return v[1, 1:] * k + v[1, :-1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "expression",
     thinned(

@@ -410,6 +410,7 @@ def random_system(
     return with_friction(system, list(A * U), epsilon=epsilon, damping=B), A
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=3)
 @given(
     st.lists(entry, min_size=16, max_size=16),
@@ -632,6 +633,7 @@ def test_kinetic_runs_do_not_depend_on_how_constraints_are_written() -> None:
     np.testing.assert_allclose(ends[1:], [ends[0]] * 2, rtol=1e-8)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("make", [sliding_sleigh, falling_disc], ids=["field", "standard form"])
 def test_a_scene_takes_observables(make) -> None:
     friction = make()

@@ -50,6 +50,7 @@ def test_in_a_cone_that_is_no_circle_the_slip_is_that_of_the_full_field(mu: tupl
     assert found.distance(1e-3)[0] == pytest.approx(run["y"][-1], rel=1e-2)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("given", "start", "said"),
     [

@@ -127,6 +127,7 @@ def test_a_top_goes_through_the_pole_of_eulers_angles() -> None:
     assert lean[300:].max() > 0.99
 
 
+@pytest.mark.exhaustive
 def test_the_raw_equations_and_the_frame_agree_and_keep_the_constraint() -> None:
     system = body()
     free = constrain(system, [], frame=dict(zip(OMEGA, turn.body)))

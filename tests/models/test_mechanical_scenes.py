@@ -61,6 +61,7 @@ def test_friction_is_the_limit_of_its_constraints(name: str) -> None:
     assert not system.limit.is_holonomic
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name",
     sampled(
@@ -288,6 +289,7 @@ def test_with_tyres_that_slip_the_manoeuvre_closes_up_to_epsilon() -> None:
 # -- the page and the creeping tyre ----------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "least"), [("mechanics.md", 10), ("no-slip.md", 3)])
 def test_a_page_shows_what_its_code_prints(name: str, least: int) -> None:
     page = (ROOT / "docs" / name).read_text(encoding="utf-8")

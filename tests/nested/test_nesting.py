@@ -133,6 +133,7 @@ def test_the_slopes_are_one_and_two_in_each_small_parameter_and_in_both(make) ->
     assert found.second.hyperbolicity.holds
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("make", [cascade, plane])
 def test_the_double_series_is_that_in_delta_alone_expanded_in_epsilon(make) -> None:
     found = gsp.nest(make(), small=["epsilon", "delta"])
@@ -198,6 +199,7 @@ def test_time_may_be_that_of_any_scale() -> None:
         assert gsp.compare(found).slopes == pytest.approx({0: 1, 1: 2}, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_two_rates_that_each_have_their_own_small_parameter() -> None:
     """epsilon x' and delta y': nested where epsilon is small beside delta, with epsilon/delta for a power."""
     f, g, h = -z + y / 2, z - 2 * y + x, y - 3 * x + z
@@ -377,6 +379,7 @@ def test_a_model_file_names_both_and_is_written_back(tmp_path: Path) -> None:
             gsp.load(file)
 
 
+@pytest.mark.exhaustive
 def test_split_and_compare_take_two_small_parameters(tmp_path: Path) -> None:
     named, plain = tmp_path / "named.toml", tmp_path / "plain.toml"
     named.write_text(MODEL)

@@ -106,7 +106,7 @@ def test_collocation_with_five_gauss_points_is_of_order_ten() -> None:
 # -- the normal form -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("mu", "secondary"), thinned([("3/5", 0), ("3/10", 1), ("3/20", 2), ("2/25", 5)], 3))
+@pytest.mark.parametrize(("mu", "secondary"), thinned([("3/5", 0), ("3/10", 1), ("3/20", 2), ("2/25", 5)], 4))
 def test_the_normal_form_has_its_canards_as_the_theory_counts_them(mu: str, secondary: int) -> None:
     found = gsp.folded_canards(node(normal_form(sp.Rational(mu)), y=(-1, 1)), epsilon=0.01)
     assert found.expected == secondary
@@ -142,6 +142,7 @@ def test_two_canards_where_the_weak_direction_is_not_much_weaker(mu: str) -> Non
     assert len(found.attracting.segments) < 300
 
 
+@pytest.mark.exhaustive
 def test_where_the_curves_touch_the_strong_canard_is_not_taken_for_the_weak_one() -> None:
     found = gsp.folded_canards(node(normal_form(sp.Rational(1, 3)), y=(-1, 1)), epsilon=0.01)
     assert found.missing == ("xi_1",)
@@ -165,6 +166,7 @@ def test_a_sole_strong_canard_is_named_so_away_from_the_normal_form() -> None:
     assert "do not cross at gamma_w before they end" in found.message
 
 
+@pytest.mark.exhaustive
 def test_the_strong_canard_of_the_normal_form_is_the_parabola_along_its_whole_length() -> None:
     strong = gsp.folded_canards(node(normal_form(sp.Rational(3, 10)), y=(-1, 1)), epsilon=0.02)["gamma_0"]
     # From starts on M0 orbits reach the slow manifold after a few epsilon.
@@ -402,6 +404,7 @@ def test_a_sheet_ends_when_its_newton_steps_are_used_up(monkeypatch: pytest.Monk
     assert sum(len(sheet.segments) for sheet in (found.attracting, found.repelling)) < 60
 
 
+@pytest.mark.exhaustive
 def test_crossings_are_looked_at_until_the_work_allowed_is_used_up(
     koper: gsp.CanardOrbits, monkeypatch: pytest.MonkeyPatch
 ) -> None:

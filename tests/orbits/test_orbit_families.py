@@ -200,6 +200,7 @@ def test_van_der_pols_explosion_from_the_hopf_point_to_relaxation(explosion) -> 
     assert explosion.stats.intervals < 200
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("epsilon", "accuracy"), thinned([(0.1, 2e-5), (0.05, 2e-9)], 2))
 def test_explosions_where_the_series_has_fewer_digits(epsilon: float, accuracy: float) -> None:
     family = gsp.continue_orbits(hopf(epsilon), bounds=(0.9, 1.1))

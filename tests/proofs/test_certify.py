@@ -211,6 +211,7 @@ def agree_with_closed_forms(cases: int, *, seed: int) -> dict[str, int]:
     return counts
 
 
+@pytest.mark.exhaustive
 def test_random_boxes_agree_with_closed_forms() -> None:
     counts = agree_with_closed_forms(120, seed=6)
     assert counts["proved"] > 40
@@ -246,6 +247,7 @@ def test_a_sheet_among_several_within_the_bounds_is_that_of_the_seed() -> None:
     assert certify(whole, region={**region, "y": (1.2, 3.0)}).verdict is PROVED
 
 
+@pytest.mark.exhaustive
 def test_a_branch_that_is_real_in_a_part_of_the_region_is_found_there() -> None:
     # y = -sqrt(x - 13): over the middle of the region, x = 12, there is no point.
     found = certify(branch({y: x - 13 - y**2}), region={"x": (10.0, 14.0), "y": (-3.0, -0.25)})

@@ -231,6 +231,7 @@ def test_a_change_that_says_less_or_stays_true_is_accepted(
     passage_checker.check(other)
 
 
+@pytest.mark.exhaustive
 def test_the_command_line_proves_writes_and_verifies(tmp_path: Path) -> None:
     file = tmp_path / "p.json"
     run = CliRunner()

@@ -60,6 +60,7 @@ def test_four_threads_prove_what_one_does() -> None:
     assert flint.ctx.prec == before
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("bits", [4, 300])
 @pytest.mark.usefixtures("ambient")
 def test_the_precision_outside_does_not_matter(bits: int) -> None:

@@ -138,6 +138,7 @@ def test_a_ramp_that_is_refused_takes_no_other_one_along(tmp_path) -> None:
     assert (alone.exit_code, alone.stdout) == (1, "")
 
 
+@pytest.mark.exhaustive
 def test_the_command_tells_the_rates(tmp_path) -> None:
     model, chart = tmp_path / "m.toml", tmp_path / "m.svg"
     model.write_text(MODEL + RAMPS)

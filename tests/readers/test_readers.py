@@ -327,6 +327,7 @@ def test_hostile_text_is_refused_at_once(key):
         parse(HOSTILE[key])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "text",
     thinned(
@@ -622,6 +623,7 @@ BOMBS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("key", sampled(BOMBS, always=set(BOMBS) - {"header and keys"}))
 def test_a_file_made_to_exhaust_the_reader_is_refused_at_once(key, tmp_path):
     path = write(tmp_path, BOMBS[key])

@@ -67,6 +67,7 @@ def test_models_of_the_tests_are_taken(path: Path) -> None:
     assert complaints(path.read_text(encoding="utf-8")) == []
 
 
+@pytest.mark.exhaustive
 def test_the_documented_model_and_imported_ones_are_taken() -> None:
     models = blocks(ROOT / "docs" / "models.md", "toml")
     assert models

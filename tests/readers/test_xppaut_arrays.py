@@ -75,6 +75,7 @@ def test_what_xppaut_reads_differently_is_refused(text: str, words: str) -> None
     assert words in str(caught.value), str(caught.value)
 
 
+@pytest.mark.exhaustive
 def test_a_file_grows_no_further_than_its_limit() -> None:
     text = "\n".join(f"%[1..2000]\nx{i}_[j]'=1\n%" for i in range(12))
     with pytest.raises(ModelFileError, match=f"more than {LINES} lines"):

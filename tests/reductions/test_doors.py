@@ -23,6 +23,7 @@ def serves(choice: Choice) -> bool:
     return choice.verdict.answer in (Answer.YES, Answer.AS_FAST, Answer.NO_GAIN)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "path",
     [p if p.stem in ALWAYS else pytest.param(p, marks=pytest.mark.exhaustive) for p in SYSTEMS],

@@ -57,6 +57,7 @@ def test_masses_that_are_joined_stiffly_move_as_one(masses: list[sp.Expr]) -> No
     assert best.error <= 1e-3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("order", "length", "speed"),
     thinned([([5, 4, 3, 2, 1, 0], 4, 6), ([0, 5, 3, 4, 2, 1], -3, 3), (range(6), 2, -3)], 3),

@@ -440,6 +440,7 @@ def test_states_that_are_fast_together_are_a_candidate_however_many_they_are() -
     assert "Fast there: i, w, p, q" in found.scales.message
 
 
+@pytest.mark.exhaustive
 def test_where_a_clock_drives_the_fast_variables_are_what_counts() -> None:
     """A quarter car on a wavy road: with all of it left out the phase of the road is exact, and tells nothing."""
     equations = {
@@ -463,6 +464,7 @@ def test_where_a_clock_drives_the_fast_variables_are_what_counts() -> None:
     assert [each.error > 0.1 for each in best.found if each.name == best.recommended.name].count(True) == 1
 
 
+@pytest.mark.exhaustive
 def test_what_grows_from_what_the_layer_leaves_is_reduced_from_order_1_on() -> None:
     """Virions that infect a cell each fade at once: to order 0 nobody is infected, to order 1 the infection spreads."""
     rates = {"T": "10**4 - T/100 - k*V*T", "I": "k*V*T - 7*I/10", "V": "2100*I - 23*V"}
@@ -504,6 +506,7 @@ def test_the_order_in_the_table_is_the_one_in_the_answer() -> None:
         assert f", to order {quickest.order}; its error" in told.reason
 
 
+@pytest.mark.exhaustive
 def test_a_filter_that_a_slow_oscillator_drives_is_measured_by_what_it_lets_through() -> None:
     """epsilon y' = u - y with u = cos t: y = u + epsilon sin t - ..., and u and v are exact at any order."""
     driven = scene({"u": "v", "v": "-u", "y": "100*(u - y)"}, {}, {"u": 1, "v": 0, "y": 0}, 12)
@@ -660,6 +663,7 @@ def test_choose_takes_the_errors_that_a_study_has() -> None:
     assert asked.asking(tolerance=0.01).measured == asked.measured
 
 
+@pytest.mark.exhaustive
 def test_where_only_the_solved_manifold_serves_it_is_what_may_be_left_out(tmp_path) -> None:
     """A Hill function with an exponent of 5/2 near 0: its series is past its best order, and the manifold is smooth."""
     states = {"x": "1/5 + y - x", "y": "20*(x^n/(K^n + x^n) - y)"}
@@ -785,6 +789,7 @@ def test_a_parameter_that_stands_elsewhere_too_is_no_small_parameter() -> None:
     assert str(full_cut.recommended.scene.system.epsilon) == "C"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "rates",
     [

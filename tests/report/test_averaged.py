@@ -47,6 +47,7 @@ def test_an_averaging_of_no_scene_has_no_report(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.exhaustive
 def test_the_command_averages_what_has_a_phase(tmp_path: Path) -> None:
     path = gsp.save(oscillator(), tmp_path / "model.toml")
     out = tmp_path / "out"

@@ -203,6 +203,7 @@ def test_a_small_model_takes_two_pages_as_it_is(folders, name) -> None:
     assert [d for d in decimals if not any(abs(float(d) - k) < _unit(d) for k in known)] == []
 
 
+@pytest.mark.exhaustive
 def test_what_a_model_says_is_printed_and_never_read(hostile) -> None:
     assert r"\input{" not in text_of(hostile)
     printed = " ".join(compiled(hostile).split())
@@ -220,6 +221,7 @@ def test_the_command_that_makes_it_again_makes_the_same(folders, tmp_path) -> No
     assert text_of(tmp_path) == text_of(folder)
 
 
+@pytest.mark.exhaustive
 def test_files_are_listed_and_go_with_the_report_that_has_none(tmp_path) -> None:
     analysis = gsp.analyse(saddle_scene(), order=1)
     write_report(analysis, tmp_path, latex=True)

@@ -88,6 +88,7 @@ def test_a_model_file_asks_too() -> None:
     assert found.names == ("w",)
 
 
+@pytest.mark.exhaustive
 def test_the_failure_map_shows_where_a_contact_lets_go() -> None:
     """|v omega| < F_c (I + m a^2)/(m I) at the start; the piece is too short to change that by a cell."""
     positions = np.array([-3.6, -3.3, -2.9, -1.0])

@@ -78,6 +78,7 @@ def test_a_wide_formula_is_told_in_lines_that_give_it_back() -> None:
     assert lines(a + b) == ([a + b], [])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("width_", sampled([1280, 1000], always=[1280]))
 def test_no_formula_of_a_report_is_cut_and_the_panel_holds_its_sliders(written, width_: int, page) -> None:
     page.open(written(BINDING), width=width_)

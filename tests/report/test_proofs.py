@@ -45,6 +45,7 @@ def test_a_proof_stands_beside_the_verdict() -> None:
     assert classify(branch(x - 2 * y), region={"x": (0, 1)}).certificate is None
 
 
+@pytest.mark.exhaustive
 def test_a_refutation_makes_the_verdict_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     from gsp.hyperbolicity import hyperbolicity as module
     from gsp.hyperbolicity.exclusion import Exclusion
@@ -62,6 +63,7 @@ def test_a_refutation_makes_the_verdict_lost(monkeypatch: pytest.MonkeyPatch) ->
     assert found.evidence.startswith("refuted on x in [-1, 1]: ")
 
 
+@pytest.mark.exhaustive
 def test_what_is_undecided_stays_sampled() -> None:
     # The gap is 0 at one point and positive beside it: no box that holds it is ever decided.
     found = classify(branch(-y / (x - 2) ** 2), region={"x": (0, 1)}).with_proof(most_boxes=1)
@@ -129,6 +131,7 @@ def test_the_picture_draws_every_box_at_its_height(van_der_pol: Analysis) -> Non
         assert min(inside, default=gap) >= gap * (1 - 1e-9)
 
 
+@pytest.mark.exhaustive
 def test_without_boxes_there_is_no_picture() -> None:
     found = analyse(gsp.models.load("linear"), order=1, orders=(0, 1))
     assert found.hyperbolicity.evidence.startswith("proved on ")

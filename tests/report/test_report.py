@@ -84,6 +84,7 @@ def _strict(text: str):
     return json.loads(text, parse_constant=refuse)
 
 
+@pytest.mark.exhaustive
 def test_json_is_strict_and_complete(written, sleigh):
     content = _strict((written / "report.json").read_text(encoding="utf-8"))
     assert content["slow"] == ["v", "p"]
@@ -118,6 +119,7 @@ def test_json_is_strict_and_complete(written, sleigh):
         assert (written / name).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.exhaustive
 def test_series_parse_back_to_themselves(sleigh):
     content = as_json(sleigh)
     system = sleigh.study.system
@@ -206,6 +208,7 @@ def test_page_says_what_the_numbers_say(written, sleigh):
     assert numbers == list(range(1, len(numbers) + 1))
 
 
+@pytest.mark.exhaustive
 def test_every_figure_has_the_python_that_draws_it_again(written, sleigh, monkeypatch):
     text = (written / "report.html").read_text(encoding="utf-8")
     codes = [html.unescape(code) for code in re.findall(r"<pre>(import gsp.*?)</pre>", text, re.DOTALL)]
@@ -222,6 +225,7 @@ def test_every_figure_has_the_python_that_draws_it_again(written, sleigh, monkey
     assert sorted(path.stem for path in written.glob("*.svg")) == sorted(names[:2])
 
 
+@pytest.mark.exhaustive
 def test_text_from_a_model_is_escaped_and_a_saddle_has_a_report(saddle, tmp_path):
     folder = write_report(saddle, tmp_path / "saddle").parent
     text = (folder / "report.html").read_text(encoding="utf-8")
@@ -250,6 +254,7 @@ def test_a_claim_with_a_hostile_name_is_escaped(sleigh, quick, tmp_path):
     charts.png(charts.error_against_epsilon(comparison))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("where", thinned(["moving", "page"], 2))
 def test_failure_midway_leaves_nothing_new_and_the_old_report_intact(
     sleigh, quick, monkeypatch, tmp_path, where
@@ -280,6 +285,7 @@ def test_failure_midway_leaves_nothing_new_and_the_old_report_intact(
         assert sorted(path.name for path in tmp_path.iterdir()) == ["report"]
 
 
+@pytest.mark.exhaustive
 def test_an_older_report_is_replaced_and_other_files_stay(sleigh, quick, tmp_path):
     target = tmp_path / "report"
     target.mkdir()

@@ -38,6 +38,7 @@ def reported(text: str, folder: Path) -> tuple[str, dict]:
     return page, json.loads((folder / "out" / "report.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("text", "figures", "reason"),
     [
@@ -74,6 +75,7 @@ def test_it_has_no_manuscript(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.exhaustive
 def test_a_model_in_which_something_is_small_is_analysed(tmp_path: Path) -> None:
     model = tmp_path / "model.toml"
     model.write_text(

@@ -50,6 +50,7 @@ def test_swings_are_counted_from_quarter_to_quarter():
     assert pictured_runs._swings(np.sin(t) * 0.1 + np.linspace(0, 10, t.size)) == 1
 
 
+@pytest.mark.exhaustive
 def test_results_are_plotted_and_shown_in_a_notebook():
     scene = models.load("van_der_pol")
     run = integrate(scene.system, start=scene.start, span=(0, 4), epsilon=0.05)

@@ -25,6 +25,7 @@ def test_at_epsilon_one_the_field_is_the_original(make) -> None:
         )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("make", "dimension"), thinned([(rosenzweig_macarthur, 2), (michaelis_menten, 1)], 2))
 def test_the_reduction_is_that_of_split(make, dimension: int) -> None:
     """Pi G of the splitting, whatever its route, on the manifold."""
@@ -35,6 +36,7 @@ def test_the_reduction_is_that_of_split(make, dimension: int) -> None:
             assert sp.cancel(reduced[state].xreplace(dict(each.graph)) - rate) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("make", [michaelis_menten, rosenzweig_macarthur])
 def test_what_is_said_of_attraction_holds_at_points(make) -> None:
     random = np.random.default_rng(3)

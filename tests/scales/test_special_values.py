@@ -86,6 +86,7 @@ def test_the_rosenzweig_macarthur_system_is_a_reduction() -> None:
     assert set(only.reduced) == {b, s}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("make", [michaelis_menten, rosenzweig_macarthur])
 def test_other_variables_change_no_answer_but_names(make) -> None:
     given = make()

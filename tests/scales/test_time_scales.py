@@ -150,6 +150,7 @@ def test_terms_are_reactions() -> None:
     assert [str(law) for law in laws] == ["x + 3*y/2"]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("unit", [1, sp.Rational(1, 10**9), 10**6])
 def test_a_sum_across_the_time_scales_is_conserved(unit) -> None:
     """i binds to what is left of an enzyme, 1 - d: i' = -w, delta d' = w, with i in any unit."""

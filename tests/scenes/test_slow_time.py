@@ -117,6 +117,7 @@ def test_another_epsilon_is_asked_over_the_span_in_the_models_own_time() -> None
     assert study.asking(tolerance=1e-4).scene.span == study.scene.span
 
 
+@pytest.mark.exhaustive
 def test_the_command_line_says_so_and_has_one_answer(tmp_path) -> None:
     file = tmp_path / "model.toml"
     file.write_text(FILE, encoding="utf-8")

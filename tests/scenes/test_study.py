@@ -241,6 +241,7 @@ def test_what_is_no_scene_is_refused() -> None:
         gsp.study(models.load("michaelis_menten").system)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.exhaustive
 def test_a_start_off_a_sheet_that_repels_is_reduced_to_the_sheet_where_its_layer_settles() -> None:
     """y' = y - y^3 + x/10 from y = 0.15: y = 0 is nearest and repels, and the run goes to y = 1."""
     system = SlowFastSystem(slow={x: -x + y / 2}, fast={y: y - y**3 + x / 10}, epsilon=eps)

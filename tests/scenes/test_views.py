@@ -98,6 +98,7 @@ def test_a_bad_view_is_refused_by_name(text: str, words: str) -> None:
     assert words in str(caught.value), str(caught.value)
 
 
+@pytest.mark.exhaustive
 def test_the_report_and_the_demo_show_the_views() -> None:
     scene = read_model(
         MODEL + VIEWS.replace("[views.course]", '[views.plane]\nx = "c"\ny = "s"\n[views.course]'), name="m"

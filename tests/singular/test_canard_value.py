@@ -186,6 +186,7 @@ def test_a_transcendental_fold_gives_floats_and_says_so() -> None:
 # -- against integration -----------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("epsilon", "digits"), thinned([(0.1, 4), (0.05, 10)], 2))
 def test_the_slow_manifolds_of_van_der_pol_meet_where_the_series_says(epsilon: float, digits: int) -> None:
     canard = canard_value(van_der_pol(), parameter=a, order=6)
@@ -223,6 +224,7 @@ def test_the_brusselator_has_its_hopf_point_at_one_plus_epsilon_and_its_canard_b
     assert abs(match.value - canard.value(R(1, 100), digits=6)) < 10 * match.resolution + 1e-6
 
 
+@pytest.mark.exhaustive
 def test_an_orbit_that_does_not_reach_the_fold_is_reported() -> None:
     canard = canard_value(van_der_pol(), parameter=a)
     with pytest.raises(CanardError, match="does not arrive at the fold"):

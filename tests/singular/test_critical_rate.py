@@ -220,6 +220,7 @@ def test_what_is_not_well_formed_is_refused_by_name(given: dict, said: str) -> N
         gsp.critical_rate(PARABOLA, **whole)
 
 
+@pytest.mark.exhaustive
 def test_a_ramp_there_and_back_past_two_folds_ends_where_it_began() -> None:
     """Grazing: at c = 1 there is one rest point that attracts, at c = 2.8 another one, and no ramp tips."""
     v, c = sp.symbols("v c")

@@ -52,6 +52,7 @@ def stiff_period(epsilon: float) -> float:
     return float(np.diff(run.t_events[0])[-1])
 
 
+@pytest.mark.exhaustive
 def test_the_fold_of_the_law_is_known_exactly(orbit: SingularOrbit) -> None:
     """F' = 0 at w^2 = (19 + sqrt(73))/18, to fifty digits 1.2370215965355731808615299799591561002967510690047."""
     w = sp.Symbol("w", positive=True)

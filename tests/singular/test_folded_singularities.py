@@ -345,6 +345,7 @@ def test_the_result_is_frozen_and_prints_its_ratio() -> None:
     assert "secondary canards: 4" in str(node)
 
 
+@pytest.mark.exhaustive
 def test_slow_rates_that_switch_elsewhere_change_nothing_at_a_folded_singularity() -> None:
     x, y, z, eps = sp.symbols("x y z epsilon")
     region = {"x": (-1, 1), "y": (-1, 1), "z": (-1, 1)}

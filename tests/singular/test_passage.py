@@ -155,6 +155,7 @@ def test_a_scaled_fold_scales_its_delay() -> None:
     assert passage.delay(1e-6) == pytest.approx(omega0() * 30 ** (-1 / 3) * 1e-4)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("powers", [(0, 6, -6), (0, -6, 6), (6, -6, -6), (-6, 6, 6)])
 def test_a_passage_is_the_same_in_any_units_of_the_states(powers: tuple[int, ...]) -> None:
     slow, fast = {x: 1 - x / 9}, {y: x + y**2 - y**3 / 3 + z / 5, z: y - z - y**2}
@@ -529,6 +530,7 @@ def test_shishkovas_exit_at_a_twentieth_in_extended_precision() -> None:
     assert abs(orbit.time - sp.Float("1.02721300772750793745", 25)) < sp.Float("1e-19")
 
 
+@pytest.mark.exhaustive
 def test_double_precision_leaves_early_where_it_was_predicted_to() -> None:
     _, time = exit_of("0.01")
     found = entry_exit(branch(SHISHKOVA), start={"t": -2})

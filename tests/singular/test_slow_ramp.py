@@ -96,6 +96,7 @@ def test_a_level_tells_nothing_where_the_rest_point_is_lost() -> None:
         gsp.critical_rate(field, ramp=Ramp.tanh({l: (-1, 1)}), start={"x": 1, "y": 1}, edge={"x": -9})
 
 
+@pytest.mark.exhaustive
 def test_the_compost_bomb_from_rest_tips_where_folded_points_are_born() -> None:
     """SciPy finds the least rate with a folded point; the numbers depart from it with sqrt(epsilon)."""
     ramp = Ramp.tanh({air: (0, 20)})
@@ -157,6 +158,7 @@ def test_a_canard_from_rest_through_a_folded_saddle_is_a_series() -> None:
     assert series[0].coefficients[0] == pytest.approx(low, rel=1e-5)
 
 
+@pytest.mark.exhaustive
 def test_a_canard_from_rest_is_singled_out_of_two_variables_alone() -> None:
     z = sp.Symbol("z")
     more = gsp.SlowFastSystem({y: -x, z: x - z}, EXCITABLE.fast, epsilon=eps, parameters={l: 0})

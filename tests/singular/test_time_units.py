@@ -45,6 +45,7 @@ def test_a_loss_that_is_passed_is_the_same(name: str, faster: float) -> None:
             assert b.limit == pytest.approx(a.limit, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [-6, 6])
 def test_a_singular_orbit_lasts_as_long(power: int) -> None:
     unit = sp.Integer(10) ** power

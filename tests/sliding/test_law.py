@@ -20,6 +20,7 @@ def rounded(n) -> sp.Expr:
 stribeck = W / sp.sqrt(1 + W**2) + 3 * W / (1 + W**2)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("phi", "kind", "place", "order", "coefficient", "exponent"),
     [

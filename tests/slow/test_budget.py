@@ -37,6 +37,7 @@ def test_a_high_power_with_parameters_has_no_polynomials_and_the_terms_and_remed
     )
 
 
+@pytest.mark.exhaustive
 def test_series_with_functions_whose_polynomials_are_too_long_are_programs_with_the_same_terms():
     rates = {
         c: -3 * c + s - 2 * k / 3 + sp.tanh(7 * s / 9 + c / 2 + 6 * k / 7) / 2,

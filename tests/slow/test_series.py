@@ -127,6 +127,7 @@ def test_the_error_at_each_order_is_the_published_one(v: float, Omega: float) ->
         assert abs(w - exact) == pytest.approx(expected, rel=0.006)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("system", "near", "slow"),
     [

@@ -485,6 +485,7 @@ def test_the_points_allowed_bound_the_grid_and_the_ending_says_what_is_left() ->
         solve_manifold(branch, region=region, epsilon=0.05, max_points=16)
 
 
+@pytest.mark.exhaustive
 def test_no_segment_is_solved_where_the_points_allowed_do_not_resolve_the_critical_manifold(
     monkeypatch,
 ) -> None:
@@ -531,6 +532,7 @@ def test_a_guess_is_improved_where_elements_end_and_nowhere_else(monkeypatch) ->
     assert ends
 
 
+@pytest.mark.exhaustive
 def test_a_segment_that_fails_is_shortened_and_never_made_longer(monkeypatch) -> None:
     goals = []
     attempt = orbit_segments.SegmentSolver._attempt

@@ -226,6 +226,7 @@ def test_where_attraction_ends_the_proof_ends() -> None:
     assert bound.times[-1] < 0.5
 
 
+@pytest.mark.exhaustive
 def test_an_explosion_ends_the_proof_in_time() -> None:
     # x' = x^2 from 1 is infinite at t = 1.
     manifold = series({x: x**2}, {y: -y + x}, 0)

@@ -78,6 +78,7 @@ def of_forced(at):
     return (mpmath.sin(at) - small * mpmath.cos(at)) / (1 + small**2)
 
 
+@pytest.mark.exhaustive
 def test_the_tube_holds_the_manifold_and_is_hardly_wider() -> None:
     manifold = forced()
     tube = certify(manifold, region={"x": (0, 3)})
@@ -120,6 +121,7 @@ def test_michaelis_menten_at_a_tenth_to_rounding() -> None:
     assert 1e-9 < apart <= tube.delta + other.delta + 1e-15
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("value", thinned([0.1, 0.01], 2))
 def test_an_implicit_branch(value: float) -> None:
     tube = certify(van_der_pol(value), region={"x": (-0.4, 2.0)})

@@ -73,7 +73,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", sampled(CASES, always=set(CASES) - {"largest epsilon"}))
+@pytest.mark.parametrize("name", sampled(CASES, always=set(CASES) - {"largest epsilon", "sleigh"}))
 def test_what_was_proved_is_accepted(name: str, tmp_path: Path) -> None:
     make, region, value = CASES[name]
     tube = certify(make(), region=region, epsilon=value)

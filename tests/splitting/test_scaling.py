@@ -136,6 +136,7 @@ def test_suggestions_are_distinguished_limits_and_end_in_large_fields() -> None:
     assert len(gsp.scalings(gsp.VectorField({**chain, v: -v}, epsilon=mu))) >= 1
 
 
+@pytest.mark.exhaustive
 def test_a_joint_goes_through_from_its_raw_equations(tmp_path: Path) -> None:
     file = tmp_path / "joint.toml"
     file.write_text(JOINT)

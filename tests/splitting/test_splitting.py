@@ -339,6 +339,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_field_of_another_form_is_refused_with_the_offending_term(case: str) -> None:
     rates, words = REFUSED[case]

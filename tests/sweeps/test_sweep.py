@@ -302,6 +302,7 @@ def test_a_claim_gives_signs_of_life(tmp_path: Path, monkeypatch: pytest.MonkeyP
         assert claim.stat().st_mtime > 2.0
 
 
+@pytest.mark.exhaustive
 def test_verbs_record_what_the_package_answers(tmp_path: Path) -> None:
     epsilons = (0.02, 0.05)
     scene = models.load("michaelis_menten")
@@ -399,6 +400,7 @@ def test_nothing_is_lost_or_wrong_when_processes_are_killed(tmp_path: Path, calm
     assert wrong == []
 
 
+@pytest.mark.exhaustive
 def test_a_cluster_shares_the_work(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     alone = waves(tmp_path / "alone")
