@@ -200,6 +200,14 @@ def test_a_root_is_the_small_parameter_of_the_scene() -> None:
     assert made.epsilons == pytest.approx([value**0.5 for value in scene.epsilons])
 
 
+def test_what_is_watched_of_mu_is_watched_of_the_square_of_its_root() -> None:
+    given = KNOWN["a layer of the width mu^(1/2)"][0]
+    watched = gsp.VectorField(given.equations, epsilon=mu, observables={s: u + mu * v})
+    made = gsp.scalings(watched)[0].field
+    root, v_scaled = made.epsilon, made.states[-1]
+    assert sp.expand(made.observables[s] - u - root * v_scaled) == 0
+
+
 def test_a_field_without_a_small_parameter_is_refused() -> None:
     with pytest.raises(DeclarationError, match="no small parameter whose powers"):
         gsp.scalings(gsp.VectorField({x: -x}))

@@ -10,6 +10,8 @@ import signal
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -96,6 +98,16 @@ def test_a_task_that_fails_everywhere_is_refused_with_its_own_words(tmp_path: Pa
     with pytest.raises(DeclarationError, match=r"failed at all of 2 points.*the root of -2\.0 is not real"):
         waves(tmp_path, over={"x": (-2.0, -1.0), "k": (1.0,)})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_counts_at_once_what_others_have_done() -> None:
+    store, shares = (
+        SimpleNamespace(ledger=SimpleNamespace(done=lambda: {0, 2, 3}), plan=SimpleNamespace(chunks=4)),
+        [],
+    )
+    tally = execution._Tally(cast("Store", store), shares.append)
+    tally.tell(0)
+    assert shares == [0.75]
 
 
 def test_an_interrupted_sweep_goes_on_where_it_stopped_and_computes_no_point_twice(tmp_path: Path) -> None:
