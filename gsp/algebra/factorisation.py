@@ -73,8 +73,10 @@ def numerator(expression: sp.Expr) -> sp.Expr:
 def lowest_terms(expression: sp.Expr) -> sp.Expr:
     """Numerator over denominator, both expanded; the expression itself when that is over the budget."""
     found = quotient(expression)
-    if found is None:
-        return expression
+    return expression if found is None else _divided_out(found)
+
+
+def _divided_out(found: Quotient) -> sp.Expr:
     return found.expression(found.numerator) / found.expression(found.denominator)
 
 
@@ -142,8 +144,16 @@ def factors(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr
 def factored(expression: sp.Expr) -> sp.Expr:
     """The numerator as a product of its factors, times the reciprocal of the denominator's."""
     found = quotient(expression)
-    if found is None:
-        return expression
+    return expression if found is None else _multiplied(found)
+
+
+def short_forms(expression: sp.Expr) -> tuple[sp.Expr, ...]:
+    """The expression `factored` and in `lowest_terms`; neither when that is over the budget."""
+    found = quotient(expression)
+    return () if found is None else (_multiplied(found), _divided_out(found))
+
+
+def _multiplied(found: Quotient) -> sp.Expr:
     product: sp.Expr = sp.Integer(1)
     for polynomial, sign in ((found.numerator, 1), (found.denominator, -1)):
         constant, powers = _factor_list(found, polynomial)

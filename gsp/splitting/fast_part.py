@@ -15,7 +15,7 @@ from gsp.algebra.elimination_over_rationals import (
     independent_rows,
     numbers_at,
 )
-from gsp.algebra.factorisation import factored, lowest_terms
+from gsp.algebra.factorisation import lowest_terms, short_forms
 from gsp.algebra.first_integrals import common_factor, linear_relations
 from gsp.algebra.laurent import laurent, pole_order
 from gsp.algebra.polynomials import rational
@@ -179,14 +179,15 @@ def jacobian(column: Iterable[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Matri
 
 def tidy(expression: sp.Expr) -> sp.Expr:
     """The shortest of a few equal forms; long expressions are left as they are."""
-    if sp.count_ops(expression) > TIDY_LIMIT:
+    length = sp.count_ops(expression)
+    if length > TIDY_LIMIT:
         return expression
     # One function of one argument stays one in all components, whatever its argument's factors.
     stand_in = {function: sp.Dummy() for function in expression.atoms(sp.Function)}
     back = {dummy: function for function, dummy in stand_in.items()}
     terms = sp.factor_terms(expression.xreplace(stand_in)).xreplace(back)
-    forms = (expression, factored(expression), lowest_terms(expression), terms)
-    return min(forms, key=sp.count_ops)
+    forms = dict.fromkeys((expression, *short_forms(expression), terms))
+    return min(forms, key=lambda form: length if form is expression else sp.count_ops(form))
 
 
 def shown(field: VectorField, layer: Sequence[sp.Expr]) -> str:
