@@ -115,11 +115,12 @@ def _with_leading_sign(vector: list[sp.Expr]) -> list[sp.Expr]:
 
 def _in_fewest_digits(vector: list[sp.Expr]) -> list[sp.Expr]:
     """The vector, or where that has fewer digits its multiple whose largest entry is 1: s + c/2 for 2000 s + 1000 c."""
-    if not all(entry.is_Rational for entry in vector):
+    entries = [entry for entry in vector if entry is not sp.S.Zero]
+    if not all(entry.is_Rational for entry in entries):
         return vector
-    largest = max(vector, key=abs)
-    scaled = [entry / largest if entry != 0 else entry for entry in vector]
-    return min(vector, scaled, key=lambda given: sum(len(str(entry)) for entry in given if entry != 0))
+    largest = max(entries, key=abs)
+    as_it_is, scaled = (sum(len(str(entry / unit)) for entry in entries) for unit in (1, largest))
+    return vector if as_it_is <= scaled else [entry / largest for entry in vector]
 
 
 def nonnegative_basis(vectors: list[list[sp.Expr]]) -> list[list[sp.Expr]]:
