@@ -43,6 +43,12 @@ def test_elimination_passes_by_pivots_that_vanish_for_all_values() -> None:
         assert np.allclose(np.array(product.evalf(20), dtype=float), np.eye(4), rtol=0.0, atol=1e-12)
 
 
+def test_no_pivot_is_taken_that_elimination_has_made_zero() -> None:
+    """After the first column the second of the first two rows is zero, and in the third row it is small."""
+    matrix = sp.Matrix([[a, a, 0], [a, a, 1], [0, sp.Rational(1, 100), 1]])
+    assert (matrix * _by_elimination(matrix)).subs(a, 17) == sp.eye(3)
+
+
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
 def test_a_matrix_times_its_inverse_is_the_identity(n: int) -> None:
     entries = np.random.default_rng(n).integers(-5, 6, (n, n)).tolist()
