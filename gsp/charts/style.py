@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Callable, Mapping
 from functools import cache, partial, wraps
 from inspect import signature
@@ -24,6 +23,7 @@ from matplotlib.path import Path as Outline
 
 from gsp.errors import DeclarationError, OutputError
 from gsp.results.files import write_file
+from gsp.results.tex import name_in_tex
 from gsp.systems.arguments import check_noun, shown
 
 # Okabe and Ito's palette: told apart with any colour vision, and in grey by their order of lightness.
@@ -161,8 +161,7 @@ def check_chart_name(path: str | Path) -> Path:
 
 def mathematics(name: str) -> str:
     """`name` as mathematics, omega as the letter; plain text where matplotlib cannot set SymPy's LaTeX."""
-    # A name of several letters is upright: slanted it would read as a product.
-    text = re.sub(r"^\$([A-Za-z]{2,})", r"$\\mathrm{\1}", f"${sp.latex(sp.Symbol(name))}$")
+    text = f"${name_in_tex(name)}$"
     try:
         MathTextParser("path").parse(text)
     except ValueError:

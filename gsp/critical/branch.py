@@ -32,6 +32,7 @@ from gsp.kernels.sheets import reach_sheet, reach_sheets
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
+from gsp.results.tex import tex
 from gsp.systems.flow import Point, Portable, as_points
 from gsp.systems.region import Interval, check_region, in_units, powers_of_two, state_sizes
 from gsp.systems.system import SlowFastSystem
@@ -409,7 +410,7 @@ class Branch(Portable, Card):
 
     def _repr_latex_(self) -> str:
         sides = [(e, 0) for e in self.equations] if self.graph is None else self.graph.items()
-        rows = [f"{sp.latex(left)} = {sp.latex(right)}" for left, right in sides]
+        rows = [f"{tex(left)} = {tex(right)}" for left, right in sides]
         return r"$\displaystyle " + r",\quad ".join(rows) + "$"
 
     def __hash__(self) -> int:

@@ -17,6 +17,7 @@ from gsp.exports.python_texts import casadi_text, jax_text, python_text
 from gsp.exports.reduced_model import ReducedModel
 from gsp.exports.reserved_words import JAVASCRIPT_WORDS, JULIA_WORDS, XPPAUT_NAME, XPPAUT_WORDS
 from gsp.exports.sbml_text import sbml_text
+from gsp.results.tex import as_spelt, name_in_tex, tex
 
 
 def javascript_text(model: ReducedModel) -> str:
@@ -88,7 +89,7 @@ def latex_text(model: ReducedModel) -> str:
     power = symbols[model.epsilon]
 
     def latex(expression: sp.Expr) -> str:
-        return sp.latex(expression, symbol_names=letters)
+        return tex(expression, names=letters)
 
     rows = []
     for left, variables, terms in (
@@ -111,12 +112,11 @@ def latex_text(model: ReducedModel) -> str:
 
 
 def _letters(symbols: Iterable[sp.Symbol]) -> dict[sp.Symbol, str]:
-    """A name as SymPy sets it, or as it is spelt where that would be another's, or a rate: xdot is not that of x."""
-    found = {symbol: sp.latex(symbol) for symbol in symbols}
+    """A name as a letter, or as it is spelt where that would be another's, or a rate: xdot is not that of x."""
+    found = {symbol: name_in_tex(symbol.name) for symbol in symbols}
     often = Counter(found.values())
-    spelt = {symbol: symbol.name.replace("_", r"\_") for symbol in found}
     return {
-        symbol: rf"\mathrm{{{spelt[symbol]}}}" if often[text] > 1 or "dot{" in text else text
+        symbol: as_spelt(symbol.name) if often[text] > 1 or "dot{" in text else text
         for symbol, text in found.items()
     }
 

@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterable, Iterator
 
 import sympy as sp
 
+from gsp.results.tex import spelt
+
 
 def renamed(
     symbols: Iterable[sp.Symbol],
@@ -26,7 +28,7 @@ def renamed(
     taken = {same(name) for name in reserved}
     names: dict[sp.Symbol, str] = {}
     for symbol in symbols:
-        plain = re.sub(r"[^A-Za-z0-9_]", "_", symbol.name)
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", spelt(symbol.name))
         plain = plain if plain[:1].isalpha() else f"n{plain}"
         names[symbol] = next(name for name in _candidates(plain, longest) if same(name) not in taken)
         taken.add(same(names[symbol]))

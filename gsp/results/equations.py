@@ -9,6 +9,7 @@ import sympy as sp
 
 from gsp.results import registry
 from gsp.results.mathml import Typesetter, dotted, row
+from gsp.results.tex import tex
 
 # Longer coefficients, in terms and in operations, are not set: a card is read at a glance.
 TERMS = 30
@@ -33,15 +34,15 @@ class Equation:
         return sum(int(sp.count_ops(e)) for e in self.right) <= OPERATIONS
 
     def latex(self) -> str:
-        left = rf"\dot{{{sp.latex(self.left)}}}" if self.dotted else sp.latex(self.left)
+        left = rf"\dot{{{tex(self.left)}}}" if self.dotted else tex(self.left)
         if self.factor is not None:
-            left = rf"{sp.latex(self.factor)}\,{left}"
+            left = rf"{tex(self.factor)}\,{left}"
         if self.epsilon is None:
-            return f"{left} &= {sp.latex(self.right[0])}"
-        small = sp.latex(self.epsilon)
+            return f"{left} &= {tex(self.right[0])}"
+        small = tex(self.epsilon)
         powers = ["", small, *(f"{small}^{{{k}}}" for k in range(2, len(self.right)))]
         terms = [
-            rf"{power}\left({sp.latex(e)}\right)" if power else sp.latex(e)
+            rf"{power}\left({tex(e)}\right)" if power else tex(e)
             for power, e in zip(powers, self.right)
             if e != 0
         ]

@@ -40,6 +40,11 @@ class _MathPrinter(MathMLPresentationPrinter):
     def _print_Symbol(self, sym: Any, style: str = "plain") -> Any:
         original = self.originals.get(sym, sym)
         rate = rate_of(original.name)
+        if not all(original.name.split("_")):
+            # SymPy sets what is behind two underscores as a power.
+            spelt = self.dom.createElement("mi")
+            spelt.appendChild(self.dom.createTextNode(original.name))
+            return spelt
         printed = super()._print_Symbol(sp.Symbol(rate[0]) if rate else original, style)  # pyright: ignore[reportAttributeAccessIssue]
         if rate is None:
             return printed

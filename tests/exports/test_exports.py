@@ -501,3 +501,17 @@ def test_the_model_is_not_written_over(tmp_path: Path, command: list[str]) -> No
     assert result.exit_code == 1
     assert "the output would be written over the model" in str(result.exception)
     assert path.read_bytes() == before
+
+
+def test_a_name_is_no_formula_in_latex() -> None:
+    # SymPy sets kabs as |k|, x__2 as the square of x, and es as e s.
+    x, es, k, m, eps = sp.symbols("x__2 es kabs σ epsilon")
+    system = gsp.SlowFastSystem(
+        slow={x: -x + k * es}, fast={es: m * x - es}, epsilon=eps, parameters={k: 1, m: 2}
+    )
+    scene = gsp.Scene(system, {"x__2": (0.1, 0.8)}, {"x__2": 0.5, "es": 0.5}, (0, 0.1), 0.01)
+    text = gsp.export(scene, order=0, to="latex")
+    assert r"\dot{\mathrm{x\_\_2}} &= \mathrm{x\_\_2} \left(\mathrm{kabs} \sigma - 1\right)" in text
+    assert r"\mathrm{es} &= \sigma \mathrm{x\_\_2}" in text
+    assert "Renamed: σ to sigma." in text
+    assert "def rates(t, state, epsilon=0.01, kabs=1.0, sigma=2.0):" in gsp.export(scene, order=0, to="python")
