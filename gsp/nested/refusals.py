@@ -35,7 +35,8 @@ def asked(scene: Scene, small: Iterable[str | Iterable[str]] | None) -> tuple[Sc
     if len(groups) == 2 and groups[0] == groups[1] and len(groups[0]) == 1:
         return _squared(scene, groups[0][0])
     if len(groups) != 2 or groups[0] == groups[1] or not all(groups):
-        raise DeclarationError(f"small are {be}.", got=f"{groups!r}", value=groups)
+        given = ", ".join("+".join(group) for group in groups) or "none"
+        raise DeclarationError(f"small are {be}.", got=given, value=groups)
     if all(len(group) == 1 for group in groups):
         return scene, groups[0][0], groups[1][0]
     plain = without_small(scene)

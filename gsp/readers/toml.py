@@ -353,7 +353,7 @@ def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:
             if not values.WORD.fullmatch(name):
                 raise ModelFileError(
                     f"{role}: the name {name[:80]!r} is no plain word.",
-                    "Use letters, digits and _, a letter first, at most 64.",
+                    "Use the letters A to Z and a to z, digits and _, a letter first, at most 64.",
                 )
             if name in RESERVED:
                 raise ModelFileError(f"{role}.{name}: {name} is a word of the grammar.", "Choose another name.")

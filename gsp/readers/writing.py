@@ -141,7 +141,7 @@ def _written(scene: Scene) -> str:
         lines.append(f"epsilon = {f'[{small}, {_quoted(scene.second)}]' if scene.second else small}")
     for title, table in parts.items():
         if table:
-            lines += ["", f"[{title}]", *(f"{name} = {value}" for name, value in table.items())]
+            lines += ["", f"[{title}]", *(f"{_key(name)} = {value}" for name, value in table.items())]
     return "\n".join(lines) + "\n"
 
 
@@ -157,7 +157,7 @@ def _view(view: View) -> dict[str, str]:
     if view.title:
         written["title"] = _quoted(view.title)
     if view.ranges:
-        inner = ", ".join(f"{name} = {_list(interval)}" for name, interval in view.ranges.items())
+        inner = ", ".join(f"{_key(name)} = {_list(interval)}" for name, interval in view.ranges.items())
         written["ranges"] = f"{{{inner}}}"
     return written
 
@@ -176,11 +176,16 @@ def _ramp(asked: RampQuestion) -> dict[str, str]:
 
 
 def _inline(table: Mapping[str, str]) -> str:
-    return f"{{{', '.join(f'{name} = {value}' for name, value in table.items())}}}"
+    return f"{{{', '.join(f'{_key(name)} = {value}' for name, value in table.items())}}}"
 
 
 def _expressions(table: Mapping[sp.Symbol, sp.Expr]) -> dict[str, str]:
     return {symbol.name: _quoted(_Grammar().doprint(value)) for symbol, value in table.items()}
+
+
+def _key(name: str) -> str:
+    # TOML takes other letters between quotes alone; what is no name of a model file is then refused by that.
+    return name if name.isascii() else _quoted(name)
 
 
 def _list(values: Iterable[float]) -> str:

@@ -113,7 +113,7 @@ def _checked(name: str, view: object, known: list[str]) -> View:
             )
         ranges[quantity] = check_interval(
             interval,
-            what=f"the range of {quantity} in the view {name}",
+            what=f"range of {quantity} in the view {name}",
             remedy="Give (low, high), low below high.",
         )
     return View(view.x, view.y, view.z, title=view.title, ranges=MappingProxyType(ranges))

@@ -90,7 +90,7 @@ def shown_region(region: Mapping[str, Interval]) -> str:
 
 def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:
     """(low, high) as finite floats with low < high; raises `DeclarationError` otherwise."""
-    be = "are" if what == "bounds" else "is"
+    be = "are" if what.partition(" ")[0] in ("bounds", "amplitudes") else "is"
     if isinstance(bounds, (str, bytes)) or not isinstance(bounds, Iterable):
         raise DeclarationError(f"{what} {be} a pair of numbers.", remedy, got=shown(bounds), value=bounds)
     ends = tuple(bounds) if not isinstance(bounds, np.ndarray) or bounds.ndim else ()

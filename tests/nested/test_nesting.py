@@ -313,7 +313,7 @@ def test_a_series_beyond_the_budget_names_a_lower_order_and_not_the_values_of_th
     ("small", "words"),
     [
         (None, "does not say which two"),
-        (["epsilon"], "small are two names"),
+        (["epsilon"], "small are two names.*Got epsilon\\.$"),
         ([["k", "q"], ["k", "q"]], "small are two names"),
         (["epsilon", "nu"], "small names nu, and no parameter has this name"),
         (["epsilon", ["delta", "nu"]], "small names 'nu', and no parameter has this name"),

@@ -146,3 +146,13 @@ def test_a_path_that_is_no_model_file_is_refused(tmp_path):
         gsp.save(scene, tmp_path / "kept.txt")
     with pytest.raises(OutputError, match="cannot be written"):
         gsp.save(scene, tmp_path / "nowhere" / "kept.toml")
+
+
+def test_a_letter_that_a_model_file_has_not_is_refused_by_its_name(tmp_path: Path) -> None:
+    x, y, k, epsilon = sp.symbols("x y κ epsilon")
+    system = gsp.SlowFastSystem(slow={x: -k * x}, fast={y: x - y}, epsilon=epsilon, parameters={k: 1})
+    scene = gsp.Scene(system, {"x": (0, 2)}, {"x": 1, "y": 0}, (0, 3), 0.01)
+    with pytest.raises(
+        DeclarationError, match="kept in a model file: parameters: the name 'κ' is no plain word"
+    ):
+        gsp.save(scene, tmp_path / "kept.toml")

@@ -297,6 +297,11 @@ def test_regions_end_where_third_powers_do() -> None:
     for far in ((0.0, np.nextafter(LARGEST, inf)), (np.nextafter(-LARGEST, -inf), 0.0), (0.0, 9.9e-101)):
         assert "Rescale x" in words(check_region, {"x": far}, ["x"])
     assert check_interval(np.array([1, 2]), what="bounds", remedy="") == (1.0, 2.0)
+    assert words(check_interval, (2, 1), what="amplitudes", remedy="").startswith("the amplitudes are reversed")
+    assert words(check_interval, (2, 1), what="bounds of x", remedy="").startswith(
+        "the bounds of x are reversed"
+    )
+    assert words(check_interval, (2, 1), what="span", remedy="").startswith("the span is reversed")
     assert words(check_interval, np.array(1.0), what="bounds", remedy="Give two.").startswith(
         "bounds are a pair"
     )
