@@ -12,6 +12,7 @@ Of a delay it is theorem 11: sums of bounds of k/f.
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -52,8 +53,8 @@ def _checked(read: Any) -> CheckedPassage:
 
 def read_fraction(text: Any) -> Fraction:
     """A fraction p/q."""
-    # Digits of a number of the origin.
-    if not isinstance(text, str) or len(text) > 40 or not text.isascii():
+    # Digits of a number of the origin. Fraction itself reads 1e99999999 too, and takes minutes to write out its zeros.
+    if not isinstance(text, str) or len(text) > 40 or not re.fullmatch("-?[0-9]+(/[0-9]+)?", text):
         raise Rejected(f"a coordinate of the origin is a fraction. Got {str(text)[:60]!r}")
     return Fraction(text)
 

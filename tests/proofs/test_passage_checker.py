@@ -127,6 +127,8 @@ STRIP: dict[str, Change] = {
     "no origin": lambda proof: proof.pop("origin") and None,
     "an origin of one": changed(["origin"], ["0"]),
     "an origin that is none": changed(["origin"], ["0", "x"]),
+    "an origin of a hundred million digits": changed(["origin"], ["0", "1e99999999"]),
+    "an origin over zero": changed(["origin"], ["0", "1/0"]),
     "two names": changed(["names"], ["x", "y"]),
     "two rates": changed(["rates"], lambda row: row[:2]),
     "a rate with a name of Python's": changed(["rates", 0], "1+__import__('os').getpid()"),
