@@ -7,7 +7,7 @@ leaves a reason instead of a result.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -305,14 +305,17 @@ def is_planar(study: Study) -> bool:
     return len(study.system.x) == len(study.system.y) == 1
 
 
-def proved_passage(study: Study, fold: FoldPassage | None) -> PassageCertificate:
+def proved_passage(
+    study: Study, fold: FoldPassage | None, progress: Callable[[float], object] | None = None
+) -> PassageCertificate:
     """What is proved of orbits from the start through the `fold` in which their slow piece ends, or past what the
     branch meets where there is none; raises what `entry_exit` and `certify_passage` raise.
     """
     slow = {x.name: study.start[x.name] for x in study.system.x}
     if fold is not None:
-        return certify_passage(fold, start=slow, epsilon=study.scene.epsilon)
-    return certify_passage(entry_exit(study.branch, start=slow), epsilon=study.scene.epsilon)
+        return certify_passage(fold, start=slow, epsilon=study.scene.epsilon, progress=progress)
+    left = entry_exit(study.branch, start=slow)
+    return certify_passage(left, epsilon=study.scene.epsilon, progress=progress)
 
 
 def _proved_passage(study: Study, orbit: SingularOrbit | None) -> PassageCertificate | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -9,7 +10,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import print_json, progress_bar, tell
+from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell
 from gsp.errors import DeclarationError, GspError
 
 if TYPE_CHECKING:
@@ -52,8 +53,13 @@ def check(
         )
     study = study_of(scene)
     if prove_cycle or prove_passage:
-        found = _cycle(study) if prove_cycle else _passage(study)
-        _tell_up_to(study.scene, found, output, as_json)
+        with progress_bar("cycle" if prove_cycle else "passage") as advance:
+            found = _cycle(study, advance) if prove_cycle else _passage(study, advance)
+            # The checker looks at what is written, which takes longer than the proof.
+            if output is not None and found.verdict.name == "PROVED":
+                advance(1.0, "check")
+                found.save(output)
+        _tell_up_to(study.scene, found, as_json)
     if prove:
         from gsp.slow_tubes.certify import certify
 
@@ -79,28 +85,26 @@ def check(
     click.get_current_context().exit(0 if verdict.holds else 1 if fails else 3)
 
 
-def _cycle(study: Study) -> CycleCertificate:
+def _cycle(study: Study, advance: Callable[..., None]) -> CycleCertificate:
     from gsp.singular.singular_orbit import singular_orbit
     from gsp.slow_tubes.certify import certify
 
     # Slow pieces that are followed until a singular orbit closes.
-    return certify(singular_orbit(study.branch, study.start, max_pieces=60))
+    orbit = singular_orbit(study.branch, study.start, max_pieces=60, progress=lambda pieces: check_interrupt())
+    return certify(orbit, progress=advance)
 
 
-def _passage(study: Study) -> PassageCertificate:
+def _passage(study: Study, advance: Callable[..., None]) -> PassageCertificate:
     """Through the fold in which the slow piece from the start ends, or past what the branch meets."""
     from gsp.analysis.fold_surroundings import proved_passage
     from gsp.singular.singular_orbit import singular_orbit
 
-    return proved_passage(study, singular_orbit(study.branch, study.start, max_pieces=1).pieces[0].fold)
+    fold = singular_orbit(study.branch, study.start, max_pieces=1).pieces[0].fold
+    return proved_passage(study, fold, progress=advance)
 
 
-def _tell_up_to(
-    scene: Scene, found: CycleCertificate | PassageCertificate, output: Path | None, as_json: bool
-) -> NoReturn:
-    """Write and tell what is proved up to an epsilon."""
-    if output is not None and found.verdict.name == "PROVED":
-        found.save(output)
+def _tell_up_to(scene: Scene, found: CycleCertificate | PassageCertificate, as_json: bool) -> NoReturn:
+    """Tell what is proved up to an epsilon."""
     reaches = scene.epsilon <= found.epsilon_0
     if as_json:
         print_json({"name": scene.name, "epsilon": scene.epsilon, "reaches": reaches, **found.as_dict()})
@@ -126,7 +130,8 @@ def verify(file: Path, as_json: bool) -> None:
     from gsp.proofs.verification import verify as verified
 
     try:
-        found = verified(file)
+        with progress_bar("verify"):
+            found = verified(file)
     except OSError as error:
         raise GspError(
             "the proof cannot be read.", "Name another file.", got=f"{file}: {error.strerror}"

@@ -19,6 +19,7 @@ from gsp.cycles.conditions import proved
 from gsp.cycles.enclosed_field import EnclosedField
 from gsp.cycles.outline import NoOutline
 from gsp.cycles.sectors import NotProved, Turn, slices
+from gsp.proofs.search_progress import SearchProgress
 
 # A largest epsilon is looked for to this share, down to so much below where the search begins; where it is a zero of
 # what doubles see, to a finer one.
@@ -65,6 +66,7 @@ class EpsilonSearch(Generic[Proved]):
 
     def __init__(self) -> None:
         self.why, self.last = "", 0.0
+        self.shown = SearchProgress()
         self._proved: dict[float, Proved | None] = {}
         self._seen: dict[float, float] = {}
         self.excess = Excess()
@@ -80,6 +82,7 @@ class EpsilonSearch(Generic[Proved]):
     def within(self, epsilon: float) -> Proved | None:
         """What holds for every epsilon in (0, `epsilon`], found once; None where nothing is proved."""
         self.last = epsilon
+        self.shown.looked()
         if epsilon not in self._proved:
             try:
                 self._proved[epsilon] = self.proved(epsilon)
@@ -93,7 +96,8 @@ class EpsilonSearch(Generic[Proved]):
         """
         best, good, bad, ceiling, failed = None, 0.0, math.inf, math.inf, 0
         while bad > RESOLUTION * good:
-            small = _largest_below(self._expected if attracts else self._sees, begin, good, ceiling, attracts)
+            seen = self._expected if attracts else self._sees
+            small = _largest_below(seen, begin, good, ceiling, attracts, self.shown)
             if not small > good:
                 if good or not (attracts and self.excess.value):
                     break
@@ -128,6 +132,7 @@ class EpsilonSearch(Generic[Proved]):
 
     def _sees(self, epsilon: float) -> float:
         self.last = epsilon
+        self.shown.looked()
         if epsilon not in self._seen:
             try:
                 self._seen[epsilon] = self.seen(epsilon)
@@ -137,7 +142,12 @@ class EpsilonSearch(Generic[Proved]):
 
 
 def _largest_below(
-    seen: Callable[[float], float], begin: float, floor: float, ceiling: float, negative: bool
+    seen: Callable[[float], float],
+    begin: float,
+    floor: float,
+    ceiling: float,
+    negative: bool,
+    shown: SearchProgress,
 ) -> float:
     """The largest epsilon between `floor` and `ceiling` where something is seen, `negative` or whatever it is; `floor`
     where nothing is.
@@ -149,6 +159,7 @@ def _largest_below(
     good, bad = floor, ceiling
     small = sqrt(good * bad) if 0.0 < good < bad < math.inf else min(begin, ceiling)
     while small >= SPAN * begin and not bad <= RESOLUTION * good:
+        shown.bracketed(good, bad, RESOLUTION)
         good, bad = (small, bad) if serves(small) else (good, small)
         small = 2.0 * good if bad == math.inf else 0.25 * bad if good == 0.0 else sqrt(good * bad)
     # Between two values it is looked for more closely.

@@ -5,6 +5,7 @@ The theorems and their proofs are in docs/proofs.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,10 +20,12 @@ from gsp.cycles.proof_up_to import ProofUpTo
 from gsp.cycles.sectors import Turn
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
+from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import written
 from gsp.proofs.verdict import ProofVerdict
 from gsp.results.bounds import at_least, at_most
 from gsp.singular.singular_orbit import SingularOrbit
+from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_epsilon
 
 
@@ -139,10 +142,16 @@ class CycleCertificate(ProofUpTo):
         return "\n".join(lines)
 
 
-def certify_cycle(orbit: SingularOrbit, *, epsilon: float | None = None) -> CycleCertificate:
+def certify_cycle(
+    orbit: SingularOrbit,
+    *,
+    epsilon: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> CycleCertificate:
     """Prove that a relaxation cycle exists, and that it is unique, near a singular `orbit` of a planar system.
 
-    It is proved for every epsilon in (0, `epsilon`], or up to the largest ones that are found.
+    It is proved for every epsilon in (0, `epsilon`], or up to the largest ones that are found. `progress` is called
+    with the share of the search that is done.
 
     Raises `DeclarationError` unless there are one slow and one fast variable, `UnsupportedFunctionError` for a
     function without an enclosure.
@@ -161,21 +170,25 @@ def certify_cycle(orbit: SingularOrbit, *, epsilon: float | None = None) -> Cycl
             "Bound periodic orbits of larger systems by runs.",
             got=f"{len(system.x)} slow and {len(system.y)} fast variables",
         )
+    check_progress(progress)
     if epsilon is not None:
         _, epsilon = written(epsilon, check_epsilon(epsilon))
     try:
         search, frames = _search(orbit)
     except NoOutline as error:
         return CycleCertificate(orbit, ProofVerdict.UNDECIDED, f"no annulus was found: {error}")
+    search.shown = SearchProgress(progress)
     with precision(balls.PRECISION):
         if epsilon is not None:
             found = search.within(epsilon)
+            search.shown.reached(0.5)
             # What holds up to a larger epsilon holds up to this one: bounds of one band may be loose by chance.
             tried = (search.within(epsilon * RESOLUTION**k) for k in range(4 if found else 0))
             unique = next((one for one in tried if one is not None and one.is_unique), None)
         else:
             # Where the folds' delays are as long as the slow pieces.
             found, unique = _largest(search, float(min((f.sizes[0] / f.late) ** 1.5 for f in frames)))
+    search.shown.reached(1.0)
     small = system.epsilon.name
     if found is None:
         reason = f"no annulus was found for {small} = {at_least(search.last)}: {search.why}"
@@ -195,7 +208,9 @@ def _search(orbit: SingularOrbit) -> tuple[EpsilonSearch[Any], list[Frame]]:
 
 def _largest(search: EpsilonSearch[Any], begin: float) -> tuple[Any, Any]:
     """The annuli for the largest epsilon of existence and of uniqueness that are found."""
+    search.shown.part(0.0, 0.5)
     found = search.largest(begin, attracts=False)
+    search.shown.part(0.5, 1.0)
     unique = search.largest(begin, attracts=True) if found else None
     # What is unique exists.
     return (unique if unique and found and unique.epsilon > found.epsilon else found), unique

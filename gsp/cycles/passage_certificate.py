@@ -25,13 +25,14 @@ from gsp.cycles.proof_up_to import ProofUpTo
 from gsp.cycles.sectors import NotProved, Turn
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
+from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import written
 from gsp.proofs.verdict import ProofVerdict
 from gsp.results.bounds import at_least, at_most
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.singular.passage.losses_met import Outcome
-from gsp.systems.arguments import check_number
+from gsp.systems.arguments import check_number, check_progress
 from gsp.systems.flow import check_epsilon
 from gsp.systems.system import SlowFastSystem
 
@@ -179,12 +180,13 @@ def certify_passage(
     *,
     start: Mapping[str, float] | None = None,
     epsilon: float | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> PassageCertificate:
     """Prove that orbits pass a fold, a transcritical or a pitchfork point, from an entry to an exit section.
 
     It is proved for every epsilon in (0, `epsilon`], or up to the largest one that is found; a delayed loss of
     stability up to the `epsilon` that is given. Orbits pass a fold from over the slow variable of `start` on; a
-    `DelayedExit` has its own.
+    `DelayedExit` has its own. `progress` is called with the share of the search that is done.
 
     Raises `DeclarationError` unless there are one slow and one fast variable, and for a start or an epsilon that is
     missing or not well formed; `UnsupportedFunctionError` for a function without an enclosure.
@@ -203,17 +205,21 @@ def certify_passage(
             "Measure passages of larger systems by runs.",
             got=f"{len(system.x)} slow and {len(system.y)} fast variables",
         )
+    check_progress(progress)
+    shown = SearchProgress(progress)
     if epsilon is not None:
         _, epsilon = written(epsilon, check_epsilon(epsilon))
     try:
         with precision(balls.PRECISION):
             if isinstance(passage, FoldPassage):
-                return _through_fold(passage, start, epsilon)
+                return _through_fold(passage, start, epsilon, shown)
             if passage.kind is ExitKind.NONE and not passage.losses:
                 raise NoOutline(passage.message)
-            return _delayed(passage, epsilon) if passage.invariant else _past_crossing(passage, epsilon)
+            return _delayed(passage, epsilon) if passage.invariant else _past_crossing(passage, epsilon, shown)
     except (NoOutline, NotProved) as error:
         return PassageCertificate(passage, ProofVerdict.UNDECIDED, f"no proof was found: {error}")
+    finally:
+        shown.reached(1.0)
 
 
 def _searched(
@@ -223,6 +229,7 @@ def _searched(
     begin: float,
     epsilon: float | None,
     what: str,
+    shown: SearchProgress,
     origin: tuple[Fraction, Fraction] = (Fraction(0), Fraction(0)),
 ) -> PassageCertificate:
 
@@ -230,6 +237,7 @@ def _searched(
         return ProvedStrip(strip, small, turn, fineness, field.rates, origin)
 
     search = BandSearch(field, outlined, make)
+    search.shown = shown
     # Up to where orbits no longer come together on the way.
     found = search.largest(begin, attracts=True) if epsilon is None else search.within(epsilon)
     (small,) = {s.name for s in field.arguments[2:]}
@@ -243,7 +251,7 @@ def _searched(
 
 
 def _through_fold(
-    passage: FoldPassage, start: Mapping[str, float] | None, epsilon: float | None
+    passage: FoldPassage, start: Mapping[str, float] | None, epsilon: float | None, shown: SearchProgress
 ) -> PassageCertificate:
     (x,) = passage.system.x
     if start is None or x.name not in start:
@@ -257,7 +265,7 @@ def _through_fold(
     frame = _fold_frame(field, passage, begin)
     return _searched(
         passage, field, lambda small: fold_strip(field, frame, small), float((frame.sizes[0] / frame.late) ** 1.5),
-        epsilon, "orbits pass the fold and jump",
+        epsilon, "orbits pass the fold and jump", shown,
     )  # fmt: skip
 
 
@@ -300,7 +308,7 @@ def _fold_frame(field: EnclosedField, passage: FoldPassage, begin: float) -> Fra
 # -- where branches meet -------------------------------------------------------------------------------
 
 
-def _past_crossing(exit: DelayedExit, epsilon: float | None) -> PassageCertificate:
+def _past_crossing(exit: DelayedExit, epsilon: float | None, shown: SearchProgress) -> PassageCertificate:
     system, loss = exit.branch.system, exit.losses[0]
     (x,), (y,) = system.x, system.y
     if loss.outcome not in (Outcome.EXCHANGE, Outcome.ESCAPE):
@@ -332,7 +340,7 @@ def _past_crossing(exit: DelayedExit, epsilon: float | None) -> PassageCertifica
     what = "orbits escape from the" if crossing.escapes else "orbits go on along another sheet past the"
     return _searched(
         passage=exit, field=field, outlined=lambda small: CrossingOutliner(field, crossing, small).strip(),
-        begin=kappa / abs(f) * reach**2, epsilon=epsilon, what=f"{what} {loss.kind}", origin=origin,
+        begin=kappa / abs(f) * reach**2, epsilon=epsilon, what=f"{what} {loss.kind}", shown=shown, origin=origin,
     )  # fmt: skip
 
 

@@ -39,6 +39,7 @@ def certify(
     region: Mapping[str, object],
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
+    progress: Callable[[float], object] | None = None,
 ) -> SlowTube: ...
 @overload
 def certify(
@@ -47,14 +48,29 @@ def certify(
     region: Mapping[str, object],
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
+    progress: Callable[[float], object] | None = None,
 ) -> SolvedTube: ...
 @overload
-def certify(branch: SingularOrbit, *, epsilon: float | None = None) -> CycleCertificate: ...
-@overload
-def certify(branch: DelayedExit, *, epsilon: float | None = None) -> PassageCertificate: ...
+def certify(
+    branch: SingularOrbit,
+    *,
+    epsilon: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> CycleCertificate: ...
 @overload
 def certify(
-    branch: FoldPassage, *, start: Mapping[str, float], epsilon: float | None = None
+    branch: DelayedExit,
+    *,
+    epsilon: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> PassageCertificate: ...
+@overload
+def certify(
+    branch: FoldPassage,
+    *,
+    start: Mapping[str, float],
+    epsilon: float | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> PassageCertificate: ...
 def certify(
     branch: Branch | SeriesManifold | SampledManifold | SingularOrbit | FoldPassage | DelayedExit,
@@ -76,7 +92,7 @@ def certify(
     `region` gives every slow variable an interval, and parameters too, which then stand for all their values; other
     parameters keep the values of the system. Bounds on fast variables choose a sheet. Ends that are no doubles, such
     as Fraction(1, 3), are rounded outwards. With `epsilon` the condition of r-normal hyperbolicity is asked for as
-    well. Ctrl-C returns what is proved by then.
+    well. `progress` is called with the share that is done. Ctrl-C returns what is proved of a sheet or a tube by then.
 
     Raises `DeclarationError` for a region that is not one, `BranchError` when the branch has no point in it,
     `UnsupportedFunctionError` for a function without an enclosure.
@@ -87,13 +103,6 @@ def certify(
     'PROVED'
     """
     passes = isinstance(branch, (SingularOrbit, FoldPassage, DelayedExit))
-    if (passes or isinstance(branch, (SeriesManifold, SampledManifold))) and progress is not None:
-        raise DeclarationError(
-            "the proof of a tube, a cycle or a passage reports no progress.",
-            "Leave progress out.",
-            got=shown(progress),
-            value=progress,
-        )
     if passes and region is not None:
         raise DeclarationError(
             "the proof of a cycle or of a passage finds its own region.",
@@ -109,15 +118,15 @@ def certify(
             value=start,
         )
     if isinstance(branch, SingularOrbit):
-        return certify_cycle(branch, epsilon=epsilon)
+        return certify_cycle(branch, epsilon=epsilon, progress=progress)
     if isinstance(branch, (FoldPassage, DelayedExit)):
-        return certify_passage(branch, start=start, epsilon=epsilon)
+        return certify_passage(branch, start=start, epsilon=epsilon, progress=progress)
     if region is None:
         raise DeclarationError("a proof about a sheet needs a region.", 'Give one, as region={"x": (0, 1)}.')
     if isinstance(branch, SeriesManifold):
-        return certify_tube(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
+        return certify_tube(branch, region=region, epsilon=epsilon, most_boxes=most_boxes, progress=progress)
     if isinstance(branch, SampledManifold):
-        return certify_solved(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
+        return certify_solved(branch, region=region, epsilon=epsilon, most_boxes=most_boxes, progress=progress)
     nouns = (Branch, SeriesManifold, SampledManifold, SingularOrbit, FoldPassage, DelayedExit)
     check_noun(branch, nouns, verb="certify")
     return certify_branch(branch, region=region, epsilon=epsilon, most_boxes=most_boxes, progress=progress)

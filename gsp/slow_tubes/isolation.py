@@ -33,6 +33,7 @@ from flint import arb
 
 from gsp.proofs import balls
 from gsp.proofs.covering import THIN
+from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.spectrum import least_eigenvalue
 from gsp.proofs.tubes import Box
 from gsp.slow_tubes.adapted_basis import AdaptedBasis
@@ -46,11 +47,12 @@ NARROWEST = 2.0**-10
 
 @dataclass(eq=False)
 class Tally:
-    """Boxes that were tried, of those that may be; `spent` when one test has used up all."""
+    """Boxes that were tried, of those that may be; `spent` when one test has used up all. Each box is `shown`."""
 
     most: int
     tried: int = 0
     spent: bool = False
+    shown: SearchProgress = field(default_factory=SearchProgress)
 
 
 @dataclass(eq=False)
@@ -317,6 +319,7 @@ def _proved(
         following: list[Box] = []
         for box in generation:
             tally.tried += 1
+            tally.shown.looked()
             if holds(box):
                 continue
             if is_hopeless is not None and is_hopeless(box):

@@ -7,7 +7,7 @@ for, by sampling and bisection, and what is found is stated.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
+from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import rounded_sides, written
 from gsp.results.bounds import at_least, at_most
 from gsp.slow.series import SeriesManifold, expand
@@ -31,7 +32,7 @@ from gsp.slow_tubes.invariance import Invariance, NotInvariantError
 from gsp.slow_tubes.isolation import Tally, norm
 from gsp.slow_tubes.tube import Tube
 from gsp.slow_tubes.tube_search import Cones, ProvedTube, TubeSearch, supremum
-from gsp.systems.arguments import check_whole
+from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
 from gsp.systems.scattered_points import halton
@@ -39,6 +40,8 @@ from gsp.systems.scattered_points import halton
 # epsilon_0 is the largest at which a tube of so many times the first term left out is proved: a tube may be isolating
 # and say nothing when it is wide.
 LARGEST_RATIO = 2.0
+# It is found to this share.
+RESOLUTION = 1.02
 # Points at which what is left of a residual is looked at.
 POINTS = 8
 
@@ -102,14 +105,17 @@ def certify_tube(
     region: Mapping[str, object],
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
+    progress: Callable[[float], object] | None = None,
 ) -> SlowTube:
     """Prove in ball arithmetic that a slow manifold lies in a tube about `series`, for all epsilon in (0, `epsilon`].
 
     Without an `epsilon`, the largest epsilon_0 is looked for at which a tube of at most `LARGEST_RATIO` times the first
     term left out is proved. `region` gives every slow variable an interval, and parameters too, which then stand for
-    all their values. Each test of a tube may try `most_boxes` boxes. Ctrl-C returns what is proved by then. The
-    theorems are in docs/slow-tubes.md. Raises `DeclarationError` for a region that is not one or an implicit branch,
-    `UnsupportedFunctionError` for a field that is not rational in the fast variables and epsilon.
+    all their values. Each test of a tube may try `most_boxes` boxes. `progress` is called with the share of the search
+    that is done. Ctrl-C returns what is proved by then. The theorems are in docs/slow-tubes.md.
+
+    Raises `DeclarationError` for a region that is not one or an implicit branch, `UnsupportedFunctionError` for a field
+    that is not rational in the fast variables and epsilon.
     """
     branch = series.branch
     if not branch.is_explicit:
@@ -120,6 +126,7 @@ def certify_tube(
             value=branch,
         )
     most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
+    check_progress(progress)
     if epsilon is not None:
         epsilon = written(epsilon, check_epsilon(epsilon))[1]
     system = branch.system
@@ -127,15 +134,21 @@ def certify_tube(
     checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
     box = {name: outwards for name, (outwards, _) in rounded_sides(region, checked).items()}
     with precision(balls.PRECISION):
-        return _TubeSearch(series, box, most_boxes).result(epsilon)
+        return _TubeSearch(series, box, most_boxes, SearchProgress(progress)).result(epsilon)
 
 
 class _TubeSearch:
     """Tubes about one series over one region."""
 
-    def __init__(self, series: SeriesManifold, box: dict[str, tuple[float, float]], most_boxes: int) -> None:
+    def __init__(
+        self,
+        series: SeriesManifold,
+        box: dict[str, tuple[float, float]],
+        most_boxes: int,
+        shown: SearchProgress | None = None,
+    ) -> None:
         self.series, self.box = series, box
-        self.tally = Tally(most_boxes)
+        self.tally = Tally(most_boxes, shown=shown or SearchProgress())
         system = series.branch.system
         self.x = (*system.x, *(p for p in system.parameters if p.name in box))
         self.values = {p: without_decimals(v) for p, v in system.parameters.items() if p not in self.x}
@@ -160,7 +173,10 @@ class _TubeSearch:
             reason = "interrupted; nothing was proved by then"
         if self.best is None:
             return replace(nothing, reason=reason, tried=self.tally.tried)
-        return self._stated(nothing, self.best.problem.narrowed(self.best))
+        self.tally.shown.part(0.9, 1.0)
+        found = self._stated(nothing, self.best.problem.narrowed(self.best))
+        self.tally.shown.reached(1.0)
+        return found
 
     def _points(self) -> Iterator[list[arb]]:
         """Some points of the region."""
@@ -192,6 +208,7 @@ class _TubeSearch:
 
     def _least(self, problems: list[TubeSearch], epsilon: float) -> None:
         """The least tube at `epsilon`, with cones rather than without."""
+        self.tally.shown.part(0.0, 0.9)
         for problem in problems:
             self._keep(problem.least(epsilon))
             if self.best is not None and self.best.cones:
@@ -201,9 +218,10 @@ class _TubeSearch:
         for problem in problems:
             good, bad, small = 0.0, math.inf, 0.125
             known: ProvedTube | None = None
-            # Bisection ends at this relative width.
+            self.tally.shown.part(0.0, 0.8)
             # A system at this epsilon has no two time scales; the search ends there.
-            while small <= 4.0 and small > 1e-9 and not bad <= good * (1.0 + 0.02):
+            while small <= 4.0 and small > 1e-9 and not bad <= good * RESOLUTION:
+                self.tally.shown.bracketed(good, bad, RESOLUTION)
                 tube = problem.within(small, LARGEST_RATIO, known)
                 if tube is not None:
                     self._keep(tube)
@@ -214,6 +232,7 @@ class _TubeSearch:
                     2.0 * good if bad == math.inf else (0.25 * bad if good == 0.0 else math.sqrt(good * bad))
                 )
             if self.best is not None:
+                self.tally.shown.part(0.8, 0.9)
                 self._keep(problem.least(self.best.epsilon, self.best))
                 return
 

@@ -7,7 +7,7 @@ ask for comes from the interpolant (`solved_flow`) in place of a series.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from gsp.errors import DeclarationError
 from gsp.proofs import balls
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
+from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box
 from gsp.results.bounds import as_given, at_most
@@ -30,7 +31,7 @@ from gsp.slow_tubes.isolation import Tally
 from gsp.slow_tubes.solved_flow import SolvedFlow
 from gsp.slow_tubes.tube import Tube
 from gsp.slow_tubes.tube_search import ProvedTube, TubeSearch
-from gsp.systems.arguments import check_whole
+from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
 
@@ -69,17 +70,20 @@ def certify_solved(
     region: Mapping[str, object],
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
+    progress: Callable[[float], object] | None = None,
 ) -> SolvedTube:
     """Prove in ball arithmetic that a slow manifold lies in a tube about the interpolant of `manifold`.
 
     `region` lies in that of the manifold and may be smaller; intervals for fast variables in it choose a sheet only,
-    and nothing hangs on them. `epsilon` is the manifold's or None. Each test of a tube may try `most_boxes` boxes. The
-    theorems are in docs/slow-tubes.md. Raises `DeclarationError` for another epsilon, a region beyond the manifold's,
-    several slow variables, or a manifold without a surface, `UnsupportedFunctionError` for a function without an
-    enclosure.
+    and nothing hangs on them. `epsilon` is the manifold's or None. Each test of a tube may try `most_boxes` boxes.
+    `progress` is called with the share of the search that is done. The theorems are in docs/slow-tubes.md.
+
+    Raises `DeclarationError` for another epsilon, a region beyond the manifold's, several slow variables, or a manifold
+    without a surface, `UnsupportedFunctionError` for a function without an enclosure.
     """
     system, surface = manifold.branch.system, manifold.surface
     most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
+    check_progress(progress)
     if len(system.x) != 1:
         raise DeclarationError(
             "a tube about a solved manifold is proved over one slow variable.",
@@ -112,14 +116,14 @@ def certify_solved(
                 got=f"[{low!r}, {high!r}]",
             )
     with precision(balls.PRECISION):
-        return _proved(manifold, surface, box, most_boxes)
+        return _proved(manifold, surface, box, Tally(most_boxes, shown=SearchProgress(progress)))
 
 
 def _proved(
-    manifold: SampledManifold, surface: ChebyshevSurface, box: dict[str, tuple[float, float]], most_boxes: int
+    manifold: SampledManifold, surface: ChebyshevSurface, box: dict[str, tuple[float, float]], tally: Tally
 ) -> SolvedTube:
     result = SolvedTube(manifold=manifold, region=box)
-    tally = Tally(most_boxes)
+    tally.shown.part(0.0, 0.9)
     low, high = (math.nextafter(manifold.epsilon, toward) for toward in (0.0, math.inf))
     found: ProvedTube | None = None
     try:
@@ -138,7 +142,10 @@ def _proved(
             result = replace(result, reason="interrupted; nothing was proved by then")
     if found is None:
         return replace(result, tried=tally.tried)
-    return result._with(found.problem.narrowed(found), manifold.branch.system.y, arb(1), tried=tally.tried)
+    tally.shown.part(0.9, 1.0)
+    narrowed = found.problem.narrowed(found)
+    tally.shown.reached(1.0)
+    return result._with(narrowed, manifold.branch.system.y, arb(1), tried=tally.tried)
 
 
 def _bases(

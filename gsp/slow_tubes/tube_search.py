@@ -22,6 +22,8 @@ from gsp.slow_tubes.solved_flow import SolvedFlow
 
 # Shares of the least tube that sampling suggests, tried in this order.
 SHARES = (1.005, 1.02, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
+# The width of a tube is found to this share.
+NARROW = 1.005
 # Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
 # The steep ones come first: they hang least on how rho bends, and take the fewest boxes.
 UNSCALED_SLOPES, SLOPES = (1.0, 0.5, 0.25), (16.0, 4.0, 2.0)
@@ -126,7 +128,7 @@ class TubeSearch:
             tally, low, cones = self.tally, self.first, ()
         else:
             most = min(self.tally.most, max(STEP_BOXES, STEP_SHARE * known.tried))
-            tally, low, cones = Tally(most), known.epsilon, known.cones
+            tally, low, cones = Tally(most, shown=self.tally.shown), known.epsilon, known.cones
         before = tally.tried
         isolation = self.over(low, epsilon, tally)
         first = 0 if known is None else known.cones[-1].place
@@ -166,8 +168,8 @@ class TubeSearch:
             low = share
         if high == math.inf:
             return known
-        # Bisection ends at this relative width.
-        while high > low * (1.0 + 0.005):
+        while high > low * NARROW:
+            self.tally.shown.bracketed(low, high, NARROW)
             middle = math.sqrt(low * high)
             if isolation.faces(middle * shape):
                 high = middle
@@ -240,7 +242,7 @@ class TubeSearch:
         """The tube with a collar as narrow as can be had; 0 where there need be none, nan without cones."""
         if tube.is_kept or not tube.cones:
             return replace(tube, collar=0.0 if tube.is_kept else math.nan)
-        tally = Tally(min(self.tally.most, max(STEP_BOXES, STEP_SHARE * tube.tried)))
+        tally = Tally(min(self.tally.most, max(STEP_BOXES, STEP_SHARE * tube.tried)), shown=self.tally.shown)
         cones, width = [], 0.0
         # From the largest epsilon on, where the rates are nearest to one another.
         for cone in reversed(tube.cones):
@@ -258,7 +260,12 @@ class TubeSearch:
 
     def fastest(self, isolation: Isolation, widths: np.ndarray) -> float:
         """A bound of |f| in the tube."""
-        return supremum(lambda box: norm(isolation.rates(box, widths)), isolation.region, FASTEST)
+
+        def speed(box: list[arb]) -> arb:
+            isolation.tally.shown.looked()
+            return norm(isolation.rates(box, widths))
+
+        return supremum(speed, isolation.region, FASTEST)
 
     def half_widths(self, widths: np.ndarray) -> list[float]:
         """Bounds (m,) of |P z| in the tube, for each fast variable."""

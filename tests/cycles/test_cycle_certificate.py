@@ -278,3 +278,20 @@ def test_segments_that_touch_meet_and_neighbours_do_not() -> None:
     assert not conditions._meet(points, (0, 1), (1, 4))
     assert conditions._meet(points, (0, 1), (0, 2))
     assert conditions._meet(points, (0, 4), (2, 1))
+
+
+def test_progress_of_a_cycle_and_of_a_passage_rises_to_one_and_an_interrupt_in_it_ends_both() -> None:
+    orbit, fold = orbit_of(van_der_pol(), 2, 0.6), gsp.fold_passage(van_der_pol(), {"x": 1, "y": -2 / 3})
+
+    def interrupt(share: float) -> None:
+        if share > 0.2:
+            raise KeyboardInterrupt
+
+    for noun, options in ((orbit, {}), (fold, {"start": {"y": 0.6}})):
+        shares: list[float] = []
+        gsp.certify(noun, **options, progress=shares.append)
+        assert shares == sorted(shares)
+        assert (shares[0], shares[-1]) == (0.0, 1.0)
+        assert len(set(shares)) > 4
+        with pytest.raises(KeyboardInterrupt):
+            gsp.certify(noun, **options, progress=interrupt)

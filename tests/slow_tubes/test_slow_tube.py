@@ -331,3 +331,25 @@ def test_an_interruption_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -
     nothing = certify(saddle(1), region={"s": (-1, 1)})
     assert nothing.verdict is ProofVerdict.UNDECIDED
     assert "interrupted" in nothing.reason
+
+
+def test_progress_rises_to_one_and_an_interrupt_in_it_keeps_what_is_proved() -> None:
+    shares: list[float] = []
+    whole = certify(saddle(1), region={"s": (-1, 1)}, progress=shares.append)
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    # The search, of a dozen steps, is seen to go on within each of them.
+    assert len(set(shares)) > 5
+    assert len(shares) > whole.tried / 2
+    told = 0
+
+    def interrupt(share: float) -> None:
+        nonlocal told
+        told += 1
+        if share > 0.5 and told < len(shares):
+            told = len(shares)
+            raise KeyboardInterrupt
+
+    cut = certify(saddle(1), region={"s": (-1, 1)}, progress=interrupt)
+    assert cut.verdict is ProofVerdict.PROVED
+    assert 0.0 < cut.epsilon_0 <= whole.epsilon_0
