@@ -81,12 +81,12 @@ def checked(read: Any) -> Checked:
     return untrusted.guarded(lambda: _Proof(read).checked())
 
 
-def refused(read: Any) -> list[int]:
-    """The places in the tree of the pieces whose tube or spectrum does not pass; raises `Rejected` for anything
-    else.
+def refused(read: Any) -> dict[int, str]:
+    """The places in the tree of the pieces whose tube or spectrum does not pass, and why; raises `Rejected` for
+    anything else.
     """
     proof = _Proof(read)
-    proof.refused = []
+    proof.refused = {}
     proof.checked()
     return proof.refused
 
@@ -141,7 +141,7 @@ class _Proof:
         if not isinstance(self.nodes, list) or not 0 < len(self.nodes) <= MOST_PARTS:
             raise Rejected(f"the tree is a list of at most {MOST_PARTS} parts")
         # Pieces that do not pass, where they are asked for.
-        self.refused: list[int] | None = None
+        self.refused: dict[int, str] | None = None
 
     def checked(self) -> Checked:
         """The whole proof."""
@@ -168,10 +168,10 @@ class _Proof:
             else:
                 try:
                     leaves[here] = (box, self._piece(node, box, here))
-                except (Rejected, ia.OutOfDomain):
+                except (Rejected, ia.OutOfDomain) as error:
                     if self.refused is None:
                         raise
-                    self.refused.append(here)
+                    self.refused[here] = str(error)
         if self.refused:
             return Checked(self.names, self.n, self.texts, (), 0, 0, 0.0, 0)
         if place != len(self.nodes):

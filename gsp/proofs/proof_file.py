@@ -18,9 +18,10 @@ import sympy as sp
 
 from gsp.algebra.precision import precision
 from gsp.errors import GspError
-from gsp.proofs import balls, checker, untrusted
+from gsp.proofs import balls, checker, intervals, untrusted
 from gsp.proofs.covering import Part, glue, refine
 from gsp.proofs.tubes import RootTube
+from gsp.results.bounds import shown_sides
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
@@ -73,10 +74,13 @@ def _accepted(certificate: Certificate) -> dict:
                 equations, covering
             ):
                 break
+    first = min(places)
+    box = shown_sides(dict(zip(certificate.region, parts[first].box)))
     raise GspError(
-        "the checker does not follow this proof.",
-        "Shrink the region.",
-        got=f"{len(places)} boxes that it refuses",
+        f"the checker does not follow this proof: of the parts that its boxes were cut into it refuses {len(places)}. "
+        f"Of the first, over {box}, it says: {places[first]}.",
+        f"Take a region without this place, or larger units: the checker rounds to 2^-{intervals.SHIFT}, about "
+        f"{2.0**-intervals.SHIFT:.2g}.",
     )
 
 
