@@ -16,7 +16,7 @@ from typing import Any
 from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
 from gsp.proofs.intervals import Interval
-from gsp.proofs.programs import IntervalProgram, Rejected
+from gsp.proofs.programs import IntervalProgram, Rejected, TooLong
 
 # Bounds: vertices of a line, bits of a coordinate, strips, halvings, and operations on intervals in all.
 MOST_VERTICES, MOST_BITS, MOST_STRIPS = 10_000, 256, 5000
@@ -259,7 +259,7 @@ class BandChecker:
     def _over(self, box: list[Interval]) -> tuple[list[Interval], list[list[Interval]]]:
         """f, g and h with their slopes by x, y and epsilon."""
         if self.program.work > MOST_OPERATIONS:
-            raise Rejected(f"the check takes more than {MOST_OPERATIONS} operations on intervals")
+            raise TooLong(f"the check takes more than {MOST_OPERATIONS} operations on intervals")
         return self.program.values(box), self.program.derivatives(box)
 
     def _real(self, value: int | Fraction) -> Interval:

@@ -23,6 +23,10 @@ class Rejected(ValueError):
     """A proof that does not hold; the text says why."""
 
 
+class TooLong(Rejected):
+    """A proof that takes more operations than a check may."""
+
+
 _FUNCTIONS: dict[str, Callable[[Interval], Interval]] = {
     "exp": ia.exp,
     "log": ia.log,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from click.testing import CliRunner
 
 import gsp
 from gsp.cli import cli
+from gsp.cycles.cycle_file import CLAIMS, accepted
+from gsp.errors import GspError
 from gsp.proofs import passage_checker
-from gsp.proofs.programs import Rejected
+from gsp.proofs.programs import Rejected, TooLong
 from gsp.proofs.verification import verify
 from tests.cases import sampled
 from tests.cycles.systems import R, epsilon, system, van_der_pol, x, y
@@ -247,3 +250,16 @@ def test_the_command_line_proves_writes_and_verifies(tmp_path: Path) -> None:
     both = run.invoke(cli, ["check", "van_der_pol", "--prove-passage", "--prove-cycle"])
     assert both.exit_code != 0
     assert "cannot be combined" in str(both.exception)
+
+
+def test_a_claim_that_takes_too_long_to_check_is_not_followed_by_others_that_take_longer() -> None:
+    tried: list[int] = []
+
+    def check(row: dict) -> None:
+        tried.append(row["strips"])
+        raise TooLong("the check takes more operations") if row["strips"] > 1 else Rejected("a bound")
+
+    with pytest.raises(GspError, match="takes more operations"):
+        accepted(lambda finer, room: {"strips": finer}, check)
+    assert tried == [finer for finer, _ in CLAIMS if finer == 1] + [2]
+    assert all(one <= two for (one, _), (two, _) in pairwise(CLAIMS))
