@@ -23,6 +23,10 @@ class Rejected(ValueError):
     """A proof that does not hold; the text says why."""
 
 
+class NotRational(Rejected):
+    """A function in what is checked between rational functions."""
+
+
 class TooLong(Rejected):
     """A proof that takes more operations than a check may."""
 

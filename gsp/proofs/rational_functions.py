@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from gsp.proofs.programs import IntervalProgram, Rejected
+from gsp.proofs.programs import IntervalProgram, NotRational, Rejected
 
 Polynomial = dict[tuple[int, ...], Fraction]
 # Operations on terms that one proof may take, factors, and bits of a power of a number: seconds. An operation on longer
@@ -128,7 +128,7 @@ class RationalFunctions:
             elif name == "**" and two.denominator == 1:
                 found.append(self.power(found[one], int(two)))
             else:
-                raise Rejected(f"an identity is checked between rational functions. Got {name}")
+                raise NotRational(f"an identity is checked between rational functions. Got {name}")
         return [found[place] for place in program.outputs]
 
     # -- polynomials -------------------------------------------------------------------------------

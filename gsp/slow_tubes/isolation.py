@@ -270,15 +270,19 @@ class Isolation:
         largest = 0.0
         for point in points:
             at = [arb(float(v)) for v in point]
-            matrix = self.invariance.normal([*at[:-1], *([arb(0)] * self.invariance.m), at[-1]])
-            decay = min(
-                balls.below(self._decay(matrix, block, sign))
-                for block, sign in zip(self.basis.blocks, self.basis.signs)
-            )
             slopes = self.invariance.residual_slopes(at)
             by_x = [slope for i, slope in enumerate(slopes) if (i + 1) % len(at)]
-            largest = max(largest, balls.magnitude(norm(by_x)) / decay)
+            largest = max(largest, balls.magnitude(norm(by_x)) / self.decay(point))
         return largest
+
+    def decay(self, point: np.ndarray) -> float:
+        """The least rate of a fast direction in the middle of the tube at a point (n + 1,)."""
+        at = [arb(float(v)) for v in point]
+        matrix = self.invariance.normal([*at[:-1], *([arb(0)] * self.invariance.m), at[-1]])
+        return min(
+            balls.below(self._decay(matrix, block, sign))
+            for block, sign in zip(self.basis.blocks, self.basis.signs)
+        )
 
 
 def norm(entries: Sequence[arb]) -> arb:

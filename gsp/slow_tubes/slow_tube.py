@@ -164,6 +164,8 @@ class _TubeSearch:
                 self._largest(problems)
             else:
                 self._least(problems, epsilon)
+            if self.best is None and problems:
+                reason = problems[0].why_none(epsilon or 0.0, self.series.branch.system.epsilon.name)
             if self.tally.spent:
                 reason += f"; a test spent its {self.tally.most} boxes"
         except NotInvariantError as error:

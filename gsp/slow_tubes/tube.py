@@ -84,7 +84,7 @@ class Tube(Card):
             + (
                 ""
                 if search.leaves_interior(boundary)
-                else " with a cut-off that leaves something of the region"
+                else " with a cut-off that leaves something of the region: lower epsilon, or take a wider region"
             ),
             delta=balls.magnitude(norm(scaled) * power),
             widths={y.name: balls.magnitude(width * power) for y, width in zip(fast, scaled)},

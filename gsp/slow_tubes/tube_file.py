@@ -19,7 +19,7 @@ from gsp.algebra.precision import precision
 from gsp.errors import GspError
 from gsp.proofs import balls, tube_checker
 from gsp.proofs.equations import without_decimals
-from gsp.proofs.programs import Rejected
+from gsp.proofs.programs import NotRational, Rejected
 from gsp.results.files import write_file
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import Tally
@@ -73,6 +73,11 @@ def _accepted(tube: SlowTube) -> dict:
         written = plain | _claim(search, wider * proof.widths, share * tube.epsilon_0, cones, tube)
         try:
             tube_checker.check(written)
+        except NotRational as error:
+            raise GspError(
+                f"the checker does not follow this proof: {error}.",
+                "A tube of such a system has no file; what is proved holds.",
+            ) from None
         except Rejected as error:
             refused = str(error)
             continue

@@ -187,6 +187,26 @@ class TubeSearch:
             return known
         return ProvedTube(self, epsilon, widths, () if found is None else (found,), self.tally.tried)
 
+    def why_none(self, epsilon: float, small: str) -> str:
+        """Why no tube may have been proved isolating, where, and what to change: by samples at an `epsilon`, which is
+        called `small`.
+        """
+        isolation = self.over(epsilon, epsilon)
+        rates = [(isolation.decay(point), point.tolist()) for point in self._samples((epsilon,))]
+        # A rate that is not known, NaN, is none.
+        rate, at = min((rate if rate > 0.0 else -math.inf, at) for rate, at in rates)
+        place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.invariance.x, at))
+        if rate > 0.0:
+            return (
+                "no tube was proved isolating: what the series leaves over is too large for the fast directions, which "
+                f"are weakest near {place}, with a rate of about {rate:.3g}. Lower {small}, or shrink the region"
+            )
+        return (
+            f"no tube was proved isolating: near {place} a fast direction does not shrink, or grow, as in the middle "
+            f"of the region, or nothing is known of it, at {small} = {epsilon:g}. Take a region without this place"
+            + (f", or lower {small}" if epsilon else "")
+        )
+
     def leaves_interior(self, boundary: str) -> bool:
         """Whether the orbits that the cones are about stay over the region of themselves, with such a `boundary`."""
         return KEEPING.get(tuple(sorted(set(self.basis.signs)))) == boundary

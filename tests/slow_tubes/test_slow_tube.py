@@ -1,6 +1,7 @@
 """Tubes about the series of a slow manifold: figures to reach, what they promise, and what must never be proved."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import flint
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.integrate import solve_ivp
 from sympy import Rational as R
 
 from gsp.critical.critical_manifold import solve_critical
-from gsp.errors import DeclarationError, UnsupportedFunctionError
+from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.verdict import ProofVerdict
 from gsp.slow.series import expand
@@ -353,3 +354,21 @@ def test_progress_rises_to_one_and_an_interrupt_in_it_keeps_what_is_proved() -> 
     cut = certify(saddle(1), region={"s": (-1, 1)}, progress=interrupt)
     assert cut.verdict is ProofVerdict.PROVED
     assert 0.0 < cut.epsilon_0 <= whole.epsilon_0
+
+
+def test_where_no_tube_is_proved_the_place_and_the_remedy_are_told(tmp_path: Path) -> None:
+    fold = expand(
+        solve_critical(SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y**2}, epsilon=epsilon))
+        .branches[0].through({"x": 1, "y": 1}),
+        order=1,
+    )  # fmt: skip
+    near = certify(fold, region={"x": (R(1, 10**6), 1)}, epsilon=0.01)
+    assert near.verdict is ProofVerdict.UNDECIDED
+    assert "weakest near x = 0.02" in near.reason
+    assert "Lower epsilon, or shrink the region" in near.reason
+    wide = certify(series({x: x}, {y: x**2 - y + 20 * y**2 * x}, 0), region={"x": (-1, 1)})
+    assert wide.verdict is ProofVerdict.UNDECIDED
+    assert "Take a region without this place" in wide.reason
+    sine = certify(series({x: sp.Integer(1)}, {y: sp.sin(x) - y}, 1), region={"x": (-1, 1)}, epsilon=0.05)
+    with pytest.raises(GspError, match=r"Got sin\. A tube of such a system has no file"):
+        sine.save(tmp_path / "tube.json")
