@@ -16,11 +16,13 @@ from typing import Any
 from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
 from gsp.proofs.intervals import Interval
-from gsp.proofs.programs import IntervalProgram, Rejected, TooLong
+from gsp.proofs.programs import IntervalProgram, Rejected
 
 # Bounds: vertices of a line, bits of a coordinate, strips, halvings, and operations on intervals in all.
 MOST_VERTICES, MOST_BITS, MOST_STRIPS = 10_000, 256, 5000
 DEEPEST, HALVINGS, CLOSER, MOST_OPERATIONS = 20, 9, 5, 60_000_000
+# To see whether two edges meet, or where an edge is over a strip, takes as long as so many operations on intervals.
+MEETING = 8
 Vertex = tuple[int, int]
 Segment = tuple[int, int]
 Cut = tuple[int, int]
@@ -92,6 +94,7 @@ class BandChecker:
         for one in sorted(segments, key=lambda s: min(points[s[0]][0], points[s[1]][0])):
             left = min(points[one[0]][0], points[one[1]][0])
             going = [s for s in going if max(points[s[0]][0], points[s[1]][0]) >= left]
+            self.program.spend(MEETING * len(going), MOST_OPERATIONS)
             if any(_meet(points, one, two) for two in going):
                 raise Rejected("two edges or cuts meet")
             going.append(one)
@@ -194,7 +197,9 @@ class BandChecker:
         for i in range(len(polygon)):
             (p, q), (r, s) = sorted([(along[i - 1], across[i - 1]), (along[i], across[i])])
             slope = Fraction(s - q, r - p) if p < r else Fraction(0)
-            for k in range(max(bisect_left(grid, p) - 1, 0), min(bisect_right(grid, r), len(rows))):
+            met = range(max(bisect_left(grid, p) - 1, 0), min(bisect_right(grid, r), len(rows)))
+            self.program.spend(MEETING * len(met), MOST_OPERATIONS)
+            for k in met:
                 inside = (max(grid[k], p), min(grid[k + 1], r))
                 rows[k] += (
                     [(Fraction(v), q + slope * (v - p)) for v in inside]
@@ -258,8 +263,7 @@ class BandChecker:
 
     def _over(self, box: list[Interval]) -> tuple[list[Interval], list[list[Interval]]]:
         """f, g and h with their slopes by x, y and epsilon."""
-        if self.program.work > MOST_OPERATIONS:
-            raise TooLong(f"the check takes more than {MOST_OPERATIONS} operations on intervals")
+        self.program.spend(0, MOST_OPERATIONS)
         return self.program.values(box), self.program.derivatives(box)
 
     def _real(self, value: int | Fraction) -> Interval:

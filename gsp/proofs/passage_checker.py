@@ -22,7 +22,7 @@ from gsp.proofs import second_derivatives, untrusted
 from gsp.proofs.band_checker import MOST_OPERATIONS, MOST_STRIPS, BandChecker, Cut, Vertex, area, program_of
 from gsp.proofs.checked_passage import CheckedDelay, CheckedPassage, CheckedStrip, Side
 from gsp.proofs.intervals import Interval
-from gsp.proofs.programs import IntervalProgram, Rejected, TooLong
+from gsp.proofs.programs import IntervalProgram, Rejected
 
 FORMAT = "gsp passage 1"
 
@@ -200,8 +200,7 @@ class DelayChecker:
         """
         upper, lower, deepest, least, most, growth = 0, 0, 0, 0, 0, 0
         for i in range(1, 1 + (self.left or self.kept)):
-            if self.program.work > MOST_OPERATIONS:
-                raise TooLong(f"the check takes more than {MOST_OPERATIONS} operations on intervals")
+            self.program.spend(0, MOST_OPERATIONS)
             change, crude, time, grown = self._strip(self.grid[i - 1], self.grid[i])
             # Between the places of the grid the sum is below its start plus what it may gain.
             stays = crude[1] < 0 if i == 1 else upper + max(crude[1], 0) < 0

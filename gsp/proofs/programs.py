@@ -75,6 +75,12 @@ class IntervalProgram:
             self.code.append(key)
         return self.known[key]
 
+    def spend(self, operations: int, most: int) -> None:
+        """Count what takes as long as so many operations on intervals; raises `TooLong` past `most` in all."""
+        self.work += operations
+        if self.work > most:
+            raise TooLong(f"the check takes more than {most} operations on intervals")
+
     def constant_at(self, place: int) -> Fraction | None:
         if place < self.variables:
             return None

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 import gsp
 from gsp.cli import cli
 from gsp.errors import GspError
-from gsp.proofs import cycle_checker
-from gsp.proofs.programs import Rejected
+from gsp.proofs import band_checker, cycle_checker
+from gsp.proofs.programs import Rejected, TooLong
 from gsp.proofs.verification import verify
 from tests.cases import sampled
 from tests.cycles.systems import R, fitzhugh_nagumo, lengyel_epstein, orbit_of, van_der_pol
@@ -220,6 +220,16 @@ def test_an_annulus_without_uniqueness_is_not_called_unique(tmp_path: Path) -> N
     assert not cycle_checker.check(read).annuli[0].unique
     read["annuli"][0] |= {"unique": True, "contraction": (-1e-3).hex()}
     assert refused(read)
+
+
+def test_edges_that_may_all_meet_are_counted(proof: dict, monkeypatch) -> None:
+    """Two thousand edges to and fro, each over all others: each has to be set against each."""
+    monkeypatch.setattr(band_checker, "MOST_OPERATIONS", 1_000_000)
+    other = copy.deepcopy(proof)
+    row = [text for i in range(2000) for text in (str(100 * (-1) ** i), str(i))]
+    at_annulus("outer", [*row, "1000", "2000", "1000", "-1", "-100", "-1"])(other)
+    with pytest.raises(TooLong, match="more than 1000000 operations"):
+        cycle_checker.check(other)
 
 
 def test_what_is_not_proved_is_not_saved(tmp_path: Path) -> None:
