@@ -21,8 +21,6 @@ from gsp.errors import GspError
 
 # So is one with more complex solutions, counted with multiplicity; past this, elimination takes minutes.
 SOLUTION_LIMIT = 16
-# Linear forms u + c s + c^2 a that are tried as separating elements after the coordinates.
-FORMS = (1, 2, 3, 5, 7)
 # Precision at which coordinates are rounded to doubles.
 BITS = 80
 
@@ -228,7 +226,8 @@ def _too_many_solutions(leading: Sequence[tuple[int, ...]]) -> bool:
 
 def _forms(symbols: Sequence[sp.Symbol]) -> Iterator[sp.Expr]:
     yield from symbols
-    for c in FORMS:
+    # Linear forms u + c s + c^2 a that are tried as separating elements after the coordinates.
+    for c in (1, 2, 3, 5, 7):
         yield sp.Add(*[(c**i) * s for i, s in enumerate(symbols)])
 
 

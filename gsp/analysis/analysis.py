@@ -44,9 +44,6 @@ from gsp.slow.series import READABLE, SeriesManifold
 from gsp.systems.arguments import check_flag, check_progress
 from gsp.systems.flow import check_order, check_orders
 
-# The failure map of a report, coarser than its own: epsilons, positions, tolerances, and orders.
-MAP = (11, 25, 8)
-MAP_ORDERS = (0, 1, 2)
 PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba", "python-flint", "matplotlib")
 
 
@@ -273,7 +270,8 @@ def _failures(study: Study, progress: Callable[[float], object]) -> tuple[Failur
     if axis is None:
         return None, Reason("the region bounds no slow variable")
     low, high = study.region[axis]
-    epsilons, positions, tolerances = MAP
+    # The failure map of a report, coarser than its own: epsilons, positions, tolerances, and orders.
+    epsilons, positions, tolerances = 11, 25, 8
     found = attempt(
         "the failure map",
         lambda: failure_map(
@@ -284,7 +282,7 @@ def _failures(study: Study, progress: Callable[[float], object]) -> tuple[Failur
                 min(scene.epsilons) / BEYOND, max(scene.epsilons) * BEYOND, epsilons
             ).tolist(),
             tolerances=np.geomspace(LOOSEST, TIGHTEST, tolerances).tolist(),
-            orders=_short(study, MAP_ORDERS),
+            orders=_short(study, (0, 1, 2)),
             progress=progress,
         ),
     )

@@ -18,21 +18,13 @@ from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import Flow, Point
 from gsp.systems.tolerances import absolute_tolerance
 
-# Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
-PICTURED = (2.0, 1.0, 0.4)
-# Starts off the slow manifold: over which points of the limit run (as shares of its span), and how far off (as
-# shares of the fast variable's range); each is followed for so many layer times epsilon/gap, or a share of the span.
-LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
-LAYER_TIMES = 12.0
-FOLLOWED = 0.3
-# The whole phenomenon: spans tried, as multiples of the scene's, until a run has swung over the folds so often.
-LONGER = (4.0, 16.0, 64.0, 256.0)
 SWINGS = 3
 
 
 def ladder_of(study: Study) -> Mapping[float, Trajectory]:
     """Full runs at the pictured epsilons."""
-    epsilons = [multiple * study.scene.epsilon for multiple in PICTURED]
+    # Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
+    epsilons = [multiple * study.scene.epsilon for multiple in (2.0, 1.0, 0.4)]
     return MappingProxyType({e: study.full(e) for e in epsilons})
 
 
@@ -43,7 +35,8 @@ def phenomenon_of(study: Study, ends: Boundary | Missing) -> Trajectory | MixedM
     scene, system = study.scene, study.system
     name = system.y[0].name
     t0, t1 = scene.span
-    for longer in LONGER:
+    # The whole phenomenon: spans tried, as multiples of the scene's, until a run has swung over the folds so often.
+    for longer in (4.0, 16.0, 64.0, 256.0):
         end = t0 + longer * (t1 - t0)
         run = _picture(study, system, study.start, end)
         if not run.status.ok:
@@ -85,10 +78,13 @@ def landing_runs(
         return ()
     scene, series, limit = study.scene, study.short_series(made(series).order), made(limit)
     t0, t1 = scene.span
-    layer = LAYER_TIMES * scene.epsilon / hyperbolicity.gap
-    end = t0 + min(t1 - t0, max(layer, FOLLOWED * (t1 - t0)))
+    layer = 12.0 * scene.epsilon / hyperbolicity.gap
+    # Each is followed for so many layer times epsilon/gap, or a share of the span.
+    end = t0 + min(t1 - t0, max(layer, 0.3 * (t1 - t0)))
     runs = []
-    for share, offsets in LANDINGS.items():
+    # Over which points of the limit run (as shares of its span), and how far off (as shares of the fast variable's
+    # range).
+    for share, offsets in {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}.items():
         there = limit.sample(limit.t[0] + share * (limit.t[-1] - limit.t[0]))
         x = {s.name: float(there[s.name][0]) for s in study.system.x}
         on = on_manifold(series, {**study.start, **x}, scene.epsilon)

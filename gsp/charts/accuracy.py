@@ -9,9 +9,6 @@ from matplotlib.ticker import NullFormatter, NullLocator
 from gsp.charts.style import INK, MARKERS, PALE, SERIES, chart, legend, mathematics, plain
 from gsp.comparison.comparison import CLEARANCE, Comparison
 
-# Relative errors above this are not told apart.
-LOST = 10.0
-
 
 @chart(height=4.3)
 def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
@@ -60,8 +57,8 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
         axes.plot(
             [], [], color=SERIES[0], lw=6, alpha=0.16, solid_capstyle="butt", label="bands: expected slopes"
         )
-    # An error above 1 says that a run is lost, however large it is.
-    bottom, top = everything.min() / 10, max(min(everything.max(), LOST) * 10, 1e-11)
+    # An error above 1 says that a run is lost, however large it is: relative errors above 10 are not told apart.
+    bottom, top = everything.min() / 10, max(min(everything.max(), 10.0) * 10, 1e-11)
     axes.fill_between(
         epsilons, bottom, floor, color=PALE, lw=0, label="error of the reference itself", zorder=0
     )

@@ -11,9 +11,6 @@ from gsp.errors import DeclarationError
 from gsp.integration.trajectory import trajectory_of
 from gsp.systems.tolerances import RTOL, absolute_tolerance
 
-# Times at which runs are drawn: the phase turns some hundred times at most where a turn can be seen.
-POINTS = 4000
-
 
 @chart(height=3.9)
 def averaging(found: Averaging, axes: Axes, *, name: str | None = None) -> None:
@@ -29,7 +26,8 @@ def averaging(found: Averaging, axes: Axes, *, name: str | None = None) -> None:
     shown = slow[0] if name is None else name
     if shown not in slow:
         raise DeclarationError.none_of(slow, name, "name is that of a slow variable.", "They are")
-    times = np.linspace(*scene.span, POINTS)
+    # Times at which runs are drawn: the phase turns some hundred times at most where a turn can be seen.
+    times = np.linspace(*scene.span, 4000)
     atol = absolute_tolerance(RTOL, scene.region, scene.full_start)
     full = trajectory_of(found.watched, scene.start, scene.span, scene.epsilon, atol=atol, at=times)
     base = found.base_point(scene.start, epsilon=scene.epsilon)

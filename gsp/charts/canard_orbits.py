@@ -12,16 +12,14 @@ from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, 
 from gsp.orbits.canard_orbits.canard import CanardKind
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
 
-# Canards that get a label and a colour of their own, from the outermost inwards.
-LABELLED = 6
-# Orbits of each sheet that are drawn in space, and points of each.
-ORBITS, POINTS = 60, 300
+# Points of each orbit that is drawn in space.
+POINTS = 300
 # How far about the node is drawn in space, in local units along the section's variable.
 REACH = 9.0
 
 
 @chart(height=4.2)
-def canard_section(orbits: CanardOrbits, axes: Axes, *, shown: int = LABELLED) -> None:
+def canard_section(orbits: CanardOrbits, axes: Axes, *, shown: int = 6) -> None:
     """The curves of the attracting and the repelling sheet in the section, and the canards where they cross.
 
     The first `shown` canards are labelled; the plot holds them and the weak canard that the curves turn about.
@@ -70,7 +68,8 @@ def canard_orbits(orbits: CanardOrbits, axes: Any, *, shown: int = 4) -> None:
     other = 1 - plane.index
     order = [plane.index, other, 2]
     for sheet, colour in ((orbits.attracting, BLUE), (orbits.repelling, VERMILION)):
-        rows = np.unique(np.linspace(0, len(sheet.segments) - 1, ORBITS).astype(int))
+        # Sixty orbits of each sheet are drawn.
+        rows = np.unique(np.linspace(0, len(sheet.segments) - 1, 60).astype(int))
         for row in rows:
             states = _near(sheet.segments[row].at(np.linspace(0.0, 1.0, 6 * POINTS)), orbits)
             axes.plot(*states[:, order].T, color=colour, lw=0.6, alpha=0.4)

@@ -6,9 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-# After so many halvings of a step there is no number within it.
-HALVINGS = np.finfo(float).nmant + 1
-
 
 def are_joined(
     function: Callable[[np.ndarray], np.ndarray], start: np.ndarray, end: np.ndarray, *, seen: float = 0.0
@@ -25,7 +22,8 @@ def are_joined(
     joined = whole <= seen
     # What is no number at an end is joined to nothing.
     left = np.flatnonzero(~joined & np.isfinite(whole))
-    for _ in range(HALVINGS):
+    # After so many halvings of a step there is no number within it.
+    for _ in range(np.finfo(float).nmant + 1):
         if not left.size:
             break
         middle = (start[left] + end[left]) / 2

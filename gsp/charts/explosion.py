@@ -39,12 +39,6 @@ MARKERS: dict[CycleKind, str] = {
     CycleKind.TORUS: "*",
 }
 STABILITY = {True: ("stable", BLUE, "-"), False: ("unstable", VERMILION, "--")}
-# Cycles drawn, and points of each.
-CYCLES, POINTS = 9, 1200
-# The inset shows the explosion between these shares of the largest amplitude.
-INSET = (0.25, 0.75)
-# Places of an inset, in shares of the axes: left, bottom, width, height.
-PLACES = ((0.13, 0.15, 0.4, 0.42), (0.55, 0.15, 0.4, 0.42), (0.13, 0.48, 0.4, 0.42), (0.55, 0.48, 0.4, 0.42))
 
 
 @chart(height=3.9)
@@ -75,7 +69,8 @@ def canard_explosion(
         explosion = family.explosions[0]
         centre = explosion.value if value is None else value
         height = amplitude[explosion.rows] / amplitude.max()
-        middle = (height >= INSET[0]) & (height <= INSET[1])
+        # The inset shows the explosion between these shares of the largest amplitude.
+        middle = (height >= 0.25) & (height <= 0.75)
         spread = float(np.abs(values[explosion.rows][middle] - centre).max(initial=0.0)) or explosion.width
         # A round width, so that the ticks can be read, in which the error of the cycles is not seen.
         blur = 20.0 * max(orbit.error for orbit in family.orbits[explosion.rows]) * float(np.ptp(values))
@@ -107,15 +102,13 @@ def canard_cycles(family: OrbitFamily, axes: Axes, *, names: tuple[str, str] | N
     measures = np.array([family.amplitude(across), family.amplitude(up), family.period])[:, : last + 1]
     measures /= measures.max(axis=1, keepdims=True)
     along = np.append(0.0, np.linalg.norm(np.diff(measures, axis=1), axis=0).cumsum())
-    lengths = np.linspace(0.0, along[-1], CYCLES + 1)[1:]
+    lengths = np.linspace(0.0, along[-1], 10)[1:]
     rows = sorted({int(np.argmin(np.abs(along - w))) for w in lengths})
     curves = []
     for row in rows:
         orbit = family.orbits[row]
         # As dense as the mesh, which is dense where the cycle is fast.
-        phases = np.interp(
-            np.linspace(0.0, 1.0, POINTS), np.linspace(0.0, 1.0, len(orbit.phases)), orbit.phases
-        )
+        phases = np.interp(np.linspace(0.0, 1.0, 1200), np.linspace(0.0, 1.0, len(orbit.phases)), orbit.phases)
         curves.append((orbit.values(across, phases), orbit.values(up, phases)))
     # M0 where the explosion is; the parameter hardly moves over it.
     _critical_manifold(axes, family, found[0].row if found else last, (across, up), curves)
@@ -191,7 +184,8 @@ def _emptiest(axes: Axes, values: np.ndarray, amplitude: np.ndarray) -> tuple[fl
         inside = (x > a - 0.08) & (x < a + width + 0.02) & (y > b - 0.1) & (y < b + height + 0.08)
         return float(length[inside].sum())
 
-    return min(PLACES, key=covered)
+    # In shares of the axes: left, bottom, width, height.
+    return min(((left, bottom, 0.4, 0.42) for bottom in (0.15, 0.48) for left in (0.13, 0.55)), key=covered)
 
 
 def _critical_manifold(axes: Axes, family: OrbitFamily, row: int, names: tuple[str, str], curves) -> None:

@@ -21,8 +21,6 @@ from gsp.scenes.view import TIME
 from gsp.systems.arguments import shown
 
 FRAMES_PER_SECOND = 20
-# Samples among which returns are looked for, and how near a return comes, as a share of the range.
-CYCLE_SAMPLES, AGREED = 20_000, 0.01
 # Ends of files that can be written, with what writes them.
 KINDS = (".gif", ".mp4")
 
@@ -185,10 +183,10 @@ def whole_cycles(run: Trajectory, names: Sequence[str]) -> tuple[float, float]:
     """The times between which a run goes round a closed orbit as often as it does, else its first and last time.
 
     They are those at which the last of `names` rises through its middle: all that agree with the last of them, in every
-    one of `names` to a share `AGREED` of its range.
+    one of `names` to a hundredth of its range.
     """
     first, last = float(run.t[0]), float(run.t[-1])
-    t = np.linspace(first, last, CYCLE_SAMPLES)
+    t = np.linspace(first, last, 20_000)
     values = np.array([along(run.sample(t), name) for name in dict.fromkeys(names) if name != TIME])
     reach = np.ptp(values, axis=1)
     middle = values[-1].min() + 0.5 * reach[-1]
@@ -198,7 +196,7 @@ def whole_cycles(run: Trajectory, names: Sequence[str]) -> tuple[float, float]:
     share = (middle - values[-1, rises]) / (values[-1, rises + 1] - values[-1, rises])
     at = t[rises] + share * (t[1] - t[0])
     states = values[:, rises] + share * (values[:, rises + 1] - values[:, rises])
-    agree = (np.abs(states - states[:, -1:]) <= AGREED * reach[:, None]).all(axis=0)
+    agree = (np.abs(states - states[:, -1:]) <= 0.01 * reach[:, None]).all(axis=0)
     begun = len(at) - 1 - int(np.argmin(agree[::-1])) + 1 if not agree.all() else 0
     return (float(at[begun]), float(at[-1])) if begun < len(at) - 1 else (first, last)
 

@@ -10,9 +10,6 @@ from gsp.integration.trajectory import trajectory_of
 from gsp.nested.nesting import Nesting
 from gsp.systems.tolerances import RTOL, absolute_tolerance
 
-# Times, spread over the decades from the fastest time scale on.
-POINTS = 400
-
 
 @chart()
 def nesting(found: Nesting, axes: Axes) -> None:
@@ -24,7 +21,8 @@ def nesting(found: Nesting, axes: Axes) -> None:
     first, last = scene.span
     gaps = found.first.hyperbolicity.gap / scene.epsilon, second.hyperbolicity.gap
     layers = [1.0 / gap for gap in gaps]
-    late = np.geomspace(min(layers) / 10.0, abs(last - first), POINTS)
+    # Times, spread over the decades from the fastest time scale on.
+    late = np.geomspace(min(layers) / 10.0, abs(last - first), 400)
     times = first + np.sign(last - first) * np.concatenate([[0.0], late])
     times[-1] = last
     atol = absolute_tolerance(RTOL, scene.region, scene.full_start)

@@ -39,8 +39,6 @@ from gsp.singular.singular_orbit import SingularOrbit, SlowPiece
 
 # Light to dark as epsilon falls.
 DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])
-# The two heads of a drop's arrow, as shares of the way.
-HEADS = (0.5, 0.58)
 
 
 @chart(height=4.0)
@@ -112,7 +110,8 @@ def _drop(axes: Axes, piece: SlowPiece, across: str, up: str, colour: str, *, la
     axes.plot(*line[:, 0], "o", color=INK, ms=5.5, zorder=7, label="fold" if labelled else None)
     if len(ends) > 1:
         axes.plot(*line, color=colour, lw=1.4, zorder=5, label="drop" if labelled else None)
-        for share in HEADS:
+        # The two heads of a drop's arrow, as shares of the way.
+        for share in (0.5, 0.58):
             tail, head = (line[:, 0] + part * (line[:, 1] - line[:, 0]) for part in (share - 0.02, share))
             axes.annotate(
                 "", tuple(head), tuple(tail), zorder=6,

@@ -15,8 +15,6 @@ from gsp.orbits.periodic.orbit import PeriodicOrbit
 # Points of a closed orbit, as dense as its mesh.
 POINTS = 1500
 STYLES = ("-", "--", ":", "-.")
-# Opaque, so that the legend shows the colours that are seen.
-BANDS = ((5, 95, "#DBEAF4"), (25, 75, "#A8CDE5"))
 
 
 @chart()
@@ -51,7 +49,8 @@ def spread(ensemble: Ensemble, axes: Axes, *, name: str) -> None:
             "Integrate with at=[...].",
             got=t.size,
         )
-    for low, high, colour in BANDS:
+    # Opaque, so that the legend shows the colours that are seen.
+    for low, high, colour in ((5, 95, "#DBEAF4"), (25, 75, "#A8CDE5")):
         bottom, top = np.nanpercentile(values, [low, high], axis=0)
         axes.fill_between(t, bottom, top, color=colour, lw=0, label=f"{low} to {high} %", zorder=1)
     # Members drawn one by one, spread evenly over their indices.

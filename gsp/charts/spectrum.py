@@ -14,7 +14,6 @@ from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, 
 
 # Points per axis where more than two slow variables are sampled, and what counts as no variation at all.
 COARSE = 7
-CONSTANT = 1e-9
 
 
 def has_constant_eigenvalues(analysis: Analysis) -> bool:
@@ -23,7 +22,7 @@ def has_constant_eigenvalues(analysis: Analysis) -> bool:
     values = values[np.isfinite(values).all(axis=1)]
     return bool(
         np.ptp(np.real(values), axis=0).max() + np.ptp(np.imag(values), axis=0).max()
-        < CONSTANT * np.abs(values).max()
+        < 1e-9 * np.abs(values).max()
     )
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-# In units of the frame: step, longest way in each direction, least length of a line that is drawn, and how near
-# to another line one may run, as a share of the distance at which lines are seeded.
-STEP, LONGEST, SHORTEST, NEAREST = 0.004, 2.0, 0.06, 0.3
+# In units of the frame: the step, and the longest way in each direction.
+STEP, LONGEST = 0.004, 2.0
 SEEDS, CELLS = 26, 250
 
 
@@ -31,12 +30,13 @@ def streamlines(
     back, ahead = _trace(field, seeds, -1.0, rest), _trace(field, seeds, 1.0, rest)
     length = np.isfinite(back[..., 0]).sum(axis=0) + np.isfinite(ahead[..., 0]).sum(axis=0)
     taken, close = (np.zeros((CELLS, CELLS), dtype=bool) for _ in range(2))
-    wide, narrow = _disc(distance), _disc(NEAREST * distance)
+    # How near to another line one may run, as a share of the distance at which lines are seeded.
+    wide, narrow = _disc(distance), _disc(0.3 * distance)
     for i in np.argsort(-length, kind="stable"):
         if _at(taken, seeds[i : i + 1])[0]:
             continue
         line = np.vstack([_free(back[:, i], close)[::-1], seeds[i : i + 1], _free(ahead[:, i], close)])
-        if len(line) * STEP < SHORTEST:
+        if len(line) * STEP < 0.06:
             continue
         _mark(taken, line, wide)
         _mark(close, line, narrow)

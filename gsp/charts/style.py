@@ -34,7 +34,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 # Light to dark, as epsilon falls towards the limit.
 LADDER = ("#F5C79A", "#F08C2E", "#C4480A", "#7D2600", "#2B0E00")
 # 5.1 inches are 130 mm: set at 100 mm, the 9 point letters are 7 point.
-WIDTH, HEIGHT, DPI = 5.1, 3.5, 200
+WIDTH = 5.1
 STYLE: Any = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
@@ -57,7 +57,7 @@ STYLE: Any = {
 P = ParamSpec("P")
 
 
-def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda result: False):
+def chart(*, height: float = 3.5, solid: Callable[[Any], bool] = lambda result: False):
     """Give a chart its style, and a figure of its own when it is called without Axes."""
 
     def decorate(draw: Callable[Concatenate[Any, Axes, P], None]):
@@ -132,7 +132,7 @@ def drawn(axes: Axes, kind: str) -> bytes:
     buffer = io.BytesIO()
     # SVG names its parts by random numbers unless they are salted.
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "gsp"}):
-        cast(Figure, axes.figure).savefig(buffer, format=kind, dpi=DPI, metadata=dict(FORMATS[kind]))
+        cast(Figure, axes.figure).savefig(buffer, format=kind, dpi=200, metadata=dict(FORMATS[kind]))
     return buffer.getvalue()
 
 

@@ -17,8 +17,8 @@ LOOKS = {
     ModelKind.SOLVED: (AMBER, 1.5, 3),
     ModelKind.FULL: (VERMILION, 1.9, 4),
 }
-# Times a piece is drawn at, beside the ends of its steps, and points an axis for the critical manifold.
-TIMES, GRID = 120, 241
+# Points an axis for the critical manifold.
+GRID = 241
 
 
 @chart()
@@ -38,7 +38,7 @@ def switches(simulation: Simulation, axes: Axes, *, names: tuple[str, str] | Non
     drawn: set[str] = set()
     corners: list[np.ndarray] = []
     for piece in simulation.pieces:
-        times = np.union1d(piece.times, np.linspace(piece.begin, piece.end, TIMES))
+        times = np.union1d(piece.times, np.linspace(piece.begin, piece.end, 120))
         # A time that belongs to two pieces is that of the one before: each piece is sampled from its own run.
         run = piece.run.sample(times)
         across, up = (times if name == "t" else run[name] for name in names)

@@ -8,9 +8,6 @@ from matplotlib.axes import Axes
 from gsp.charts.style import BLUE, INK, PALE, chart, legend
 from gsp.scales.time_scales import TimeScales
 
-# A mode that is so many times as slow as the run is long stands still.
-STILL = 1000.0
-
 
 @chart()
 def time_scales(scales: TimeScales, axes: Axes) -> None:
@@ -39,7 +36,8 @@ def time_scales(scales: TimeScales, axes: Axes) -> None:
     axes.set_yscale("log")
     # How slow a mode is that stands still is rounding.
     bottom, top = axes.get_ylim()
-    if bottom < (still := STILL * float(t.max())) < top:
+    # A mode that is so many times as slow as the run is long stands still.
+    if bottom < (still := 1000.0 * float(t.max())) < top:
         axes.set_ylim(bottom, still)
     axes.set_xlabel("time since the start")
     axes.set_ylabel(r"$1/|\lambda|$")

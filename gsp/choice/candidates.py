@@ -29,8 +29,6 @@ LARGEST_LAYER = 0.5
 PIECE = 0.15
 # A run of so few steps is made over the span: these take no longer than a few calls.
 FEW_STEPS = 100
-# Whether a longer one gets to the end is looked at with this tolerance, which takes fewer steps.
-COARSE = 1e-3
 # Errors over the span are looked at on so many times.
 GRID_POINTS = 97
 MAX_STEPS = 1_000_000
@@ -294,7 +292,8 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
         return Trial(candidate, (lambda: until(last),)), (first, end)
     most, unseen = int(np.ceil(total)), ""
     there = {s.name: float(run[s.name][-1]) for s in flow.states}
-    ahead = run_model(flow, there, scene, (end, last), max(rtol, COARSE), method=method, max_steps=most)
+    # Whether a longer one gets to the end is looked at with this tolerance, which takes fewer steps.
+    ahead = run_model(flow, there, scene, (end, last), max(rtol, 1e-3), method=method, max_steps=most)
     if not ahead.status.ok:
         # Coarse runs go astray too: where a run ends is said by one as exact as those that are foretold.
         whole = until(last, 2 * most)

@@ -45,7 +45,6 @@ from gsp.systems.region import Interval
 
 # Errors on the piece are measured at so many times.
 PIECE_POINTS = 33
-AS_FAR = 0.9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -245,7 +244,7 @@ def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tup
         return full, None
     furthest = max(c.holds_until for c in flows)
     # Of those that go about as far the most exact.
-    longest = [c for c in flows if c.holds_until - span[0] >= AS_FAR * (furthest - span[0])][-1]
+    longest = [c for c in flows if c.holds_until - span[0] >= 0.9 * (furthest - span[0])][-1]
     served = (longest.holds_until - span[0]) / (span[1] - span[0])
     # A reduced flow that holds for less than this share of the span does not pay for being switched on and off.
     return full, longest if served >= 0.05 else None

@@ -15,9 +15,6 @@ RUNS, MEASUREMENTS = 3, 2
 # computed, less than they cost in accuracy. Models within a tenth of one another cost the same.
 WORTH_IT = 0.9
 
-# A run that is over in this many seconds is repeated until they have passed, and so often at the most.
-BRIEF, REPEATED = 1e-3, 16
-
 # What takes so many times as long as the quickest, in so many runs, is dear whatever slows the machine. It is run no
 # more.
 DEAR, SURE = 100.0, 2
@@ -81,12 +78,13 @@ def _timings(trial: Trial, rounds: Sequence[Sequence[float]]) -> tuple[float, ..
 def _seconds(run: Callable[[], object]) -> float:
     """The least of what some runs take: several where they are so quick that an interruption is felt."""
     least = spent = 0.0
-    for k in range(REPEATED):
+    # A run that is over in a millisecond is repeated until one has passed, sixteen times at the most.
+    for k in range(16):
         begun = clock()
         run()
         taken = clock() - begun
         least, spent = (min(least, taken) if k else taken), spent + taken
-        if spent >= BRIEF:
+        if spent >= 1e-3:
             break
     # Costs are divided by one another, and a clock that is coarse or stands still says 0.
     return max(least, RESOLUTION)

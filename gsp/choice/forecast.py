@@ -25,12 +25,10 @@ from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow.truncation import AHEAD
 from gsp.systems.tolerances import absolute_tolerance
 
-# The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
-# times 1/gap (exp(-60) is far below rounding), at so many places.
-LAYER_LEFT, LAYER_TIMES, LAYER_LOOKS = 0.1, 60.0, 600
-# A solved manifold is this much more exact than the tolerance, and covers the reduced runs and this share of their
-# range on every side.
-EXACTER, MARGIN = 0.1, 0.05
+# The layer is over when what is left of it is below this share of the tolerance.
+LAYER_LEFT = 0.1
+# A solved manifold covers the reduced runs and this share of their range on every side.
+MARGIN = 0.05
 
 # The stages between a scene and its reduced flows.
 READYING = ("splitting", "critical", "branch", "numeric series", "inner")
@@ -126,7 +124,8 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
     settled = scene.span[0] + scene.epsilon / inner.gap * np.log(1.0 / scene.tolerance)
     landed = np.array([float(inner.terms[s.name][0].outer[0]) for s in study.system.states])
     prediction = replace(prediction, settled=settled, landed=landed)
-    tau = np.linspace(0.0, LAYER_TIMES / inner.gap, LAYER_LOOKS)
+    # The end of the layer is looked for up to sixty fast times 1/gap: exp(-60) is far below rounding.
+    tau = np.linspace(0.0, 60.0 / inner.gap, 600)
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)
     felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
     layer = 0.0 if not felt.size else scene.epsilon * float(tau[min(felt[-1] + 1, len(tau) - 1)])
@@ -268,7 +267,8 @@ def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
         for k, run in prediction.runs.items()
         if prediction.covered(k) == furthest
     ]
-    tolerance = max(EXACTER * scene.tolerance, SMALLEST_RTOL)
+    # A solved manifold is this much more exact than the tolerance.
+    tolerance = max(0.1 * scene.tolerance, SMALLEST_RTOL)
     region, least = {}, {}
     for s in forecast.study.system.x:
         ranges = np.array([[run[s.name].min(), run[s.name].max()] for run in guides])

@@ -31,9 +31,9 @@ from gsp.systems.tolerances import absolute_tolerance
 HYSTERESIS = 0.1
 # A reduced piece shorter than so many fast times is not worth the change.
 SHORTEST = 10.0
-# The full system is run in pieces, the first of so many fast times, each twice as long as the one before, and looked at
-# so often: at most half of what is run is thrown away.
-FIRST_PIECE, LOOKS = 30.0, 129
+# The full system is run in pieces, each twice as long as the one before, and looked at so often: at most half of what
+# is run is thrown away.
+LOOKS = 129
 # Places at which a run on a solved manifold is checked to be on the piece that was solved.
 SOLVED_LOOKS = 1025
 
@@ -229,7 +229,7 @@ class _Switcher:
     ) -> tuple[tuple[_Sheet, str] | None, float, dict[str, float]]:
         """The full system from `state` until it has landed: ((where, how), when, the state), or None and the end."""
         record = self.record
-        length = FIRST_PIECE * self.fast_time
+        length = 30.0 * self.fast_time
         while t < self.last:
             end = self.last if t + 1.5 * length >= self.last else t + length
             run = record.integrate(state, (t, end))

@@ -14,9 +14,6 @@ from gsp.errors import NO_REASON, GspError
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
 
-USUAL = 3
-"""The order that a series is expanded through where none is asked for, as far as the budget goes."""
-
 
 @cli.command()
 @asks("set", "small", "fast", looks=True)
@@ -98,7 +95,8 @@ def expand(scene: Scene, order: int | None, raw: bool, values: bool, as_json: bo
 
     study = study_of(scene)
     if order is None:
-        whole, ending = study.series_within_budget(USUAL, symbolic=not values)
+        # The order that a series is expanded through where none is asked for, as far as the budget goes.
+        whole, ending = study.series_within_budget(3, symbolic=not values)
     else:
         whole, ending = study.series(order, symbolic=not values), ""
     if ending and study.system.parameters and not values:

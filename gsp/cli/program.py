@@ -18,19 +18,8 @@ from gsp.cli.telling import CHECK, WRITTEN
 from gsp.errors import GspError, OutputError, one_line, printable
 from gsp.results.interrupts import noticing
 
-# EX_SOFTWARE of sysexits.h: no verdict of `check`, which has 1.
-DEFECT = 70
-
-
-# What a shell tells of a program that ends because nobody reads its output any more, 128 + SIGPIPE.
-UNREAD = 141
-
-
 # With this environment variable a defect shows its traceback, with Python's own status, 1.
 DEBUG = "GSP_DEBUG"
-
-
-CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
 class CommandGroup(click.Group):
@@ -53,13 +42,16 @@ class CommandGroup(click.Group):
                 raise
             if isinstance(error, BrokenPipeError):
                 _stop_writing()
-                raise SystemExit(UNREAD) from None
+                # What a shell tells of a program that ends because nobody reads its output any more, 128 + SIGPIPE.
+                raise SystemExit(141) from None
             raise OutputError(
                 f"the output cannot be written: {error.strerror or error}.", "What was printed is not complete."
             ) from None
 
 
-@click.group(cls=CommandGroup, context_settings=CONTEXT)
+@click.group(
+    cls=CommandGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
 @click.version_option(__version__, prog_name="gsp")
 def cli() -> None:
     """Geometric singular perturbation: slow manifolds, their hyperbolicity, and reduced flows, measured.
@@ -143,5 +135,6 @@ def main() -> None:
             "traceback, and report both.",
             err=True,
         )
-        sys.exit(DEFECT)
+        # EX_SOFTWARE of sysexits.h: no verdict of `check`, which has 1.
+        sys.exit(70)
     sys.exit(status if isinstance(status, int) else 0)

@@ -14,9 +14,6 @@ from gsp.errors import DeclarationError, Status
 from gsp.systems.arguments import check_noun, check_progress
 from gsp.systems.flow import check_epsilons, check_orders
 
-# The errors oscillate with the phase, and what is compared is the largest: the grid is so many times finer.
-FINER = 10
-
 
 def compare_averaged(
     averaging: Averaging,
@@ -46,7 +43,8 @@ def compare_averaged(
     check_progress(progress)
     flows = {n: averaging.with_phase(n) for n in asked}
     names = [averaging.named_in_full[x].name for x in averaging.form.rates]
-    grid = np.linspace(*scene.span, FINER * (GRID_POINTS - 1) + 1)
+    # The errors oscillate with the phase, and what is compared is the largest: the grid is so many times finer.
+    grid = np.linspace(*scene.span, 10 * (GRID_POINTS - 1) + 1)
     errors: dict[int, list[float]] = {n: [] for n in asked}
     statuses: dict[int, list[Status]] = {n: [] for n in asked}
     floor = []

@@ -25,14 +25,9 @@ from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.slow.slow_track import divide
 from gsp.systems.system import SlowFastSystem
 
-STEPS = 80
-# A correction this small relative to 1 + |y| ends the iteration.
-CONVERGED = 2 * np.finfo(float).eps
 # Fraser-Roussel iterates are differentiated as Chebyshev interpolants. An axis has FIRST points, then more until h_0 is
 # resolved to RESOLVED and h_k to LOSS^k times that (each is felt a factor epsilon less), at most so many in all.
-# Coefficients below NOISE, relative to the largest value, are dropped before differentiating.
 FIRST, RESOLVED, LOSS, MOST_POINTS = 9, 1e-13, 100.0, 20_000
-NOISE = 10 * np.finfo(float).eps
 
 
 @dataclass(frozen=True)
@@ -206,7 +201,8 @@ def _iterated(
             if rough.any() and np.prod(finer) <= MOST_POINTS:
                 break
             finer, resolved = sizes, resolved and not rough.any()
-            surface = surface.chopped(NOISE * scale * max(sizes))
+            # Coefficients of the size of rounding are dropped before differentiating.
+            surface = surface.chopped(10 * np.finfo(float).eps * scale * max(sizes))
             surfaces.append(surface)
             if k < iterates:
                 slopes = surface.slopes(sizes).reshape(*start.shape, -1)
@@ -296,7 +292,7 @@ def _solved(
     slow, epsilon = model.slow, model.epsilon
     y = y.copy()
     lost = np.zeros(len(y), dtype=bool)
-    for _ in range(STEPS):
+    for _ in range(80):
         z = np.hstack([x, y])
         f, g = model.rates(z)
         jacobian = model.jacobians(z)[0]
@@ -310,7 +306,8 @@ def _solved(
         # What is lost stays where it is.
         y = y - np.where(lost[:, None], 0.0, step)
         size = np.where(lost, np.nan, np.abs(step).max(axis=1) / (1.0 + np.abs(y).max(axis=1)))
-        if not (size > CONVERGED).any():
+        # A correction this small relative to 1 + |y| ends the iteration.
+        if not (size > 2 * np.finfo(float).eps).any():
             break
     bad = ~(size < 1e-9)
     y[bad] = np.nan

@@ -21,9 +21,6 @@ from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_array, check_progress, shown
 from gsp.systems.flow import check_epsilon, check_epsilons, check_orders
 
-ORDERS = (0, 1, 2, 3)
-# Cells of the maps, unless asked for otherwise.
-EPSILONS, POSITIONS, TOLERANCES = 17, 41, 15
 # Epsilons reach so far beyond the scene's ladder on both sides, positions so many widths beyond its region.
 BEYOND, WIDENED = 10.0, 0.5
 LOOSEST, TIGHTEST = 1e-1, 1e-12
@@ -136,7 +133,7 @@ def failure_map(
     positions: Sequence[float] | None = None,
     epsilons: Sequence[float] | None = None,
     tolerances: Sequence[float] | None = None,
-    orders: Sequence[int] = ORDERS,
+    orders: Sequence[int] = (0, 1, 2, 3),
     tolerance: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> FailureMap:
@@ -237,7 +234,7 @@ def _positions(study: Study, axis: str, positions: Sequence[float] | None) -> np
         if axis not in study.region:
             raise DeclarationError(f"the region gives no interval for {axis}.", "Bound it, or give positions.")
         low, high = study.region[axis]
-        return np.linspace(low - WIDENED * (high - low), high + WIDENED * (high - low), POSITIONS)
+        return np.linspace(low - WIDENED * (high - low), high + WIDENED * (high - low), 41)
     be = "two finite numbers or more"
     given = check_array(positions, what="positions", be=be)
     values = np.unique(given)
@@ -248,7 +245,7 @@ def _positions(study: Study, axis: str, positions: Sequence[float] | None) -> np
 
 def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
     if tolerances is None:
-        return np.geomspace(LOOSEST, TIGHTEST, TOLERANCES)
+        return np.geomspace(LOOSEST, TIGHTEST, 15)
     values = np.unique(check_epsilons(tolerances, what="tolerance"))[::-1]
     if values.size < 2:
         raise DeclarationError(
@@ -259,7 +256,7 @@ def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
 
 def _epsilons(scene: Scene, epsilons: Sequence[float] | None) -> np.ndarray:
     if epsilons is None:
-        return np.geomspace(scene.epsilons[-1] / BEYOND, scene.epsilons[0] * BEYOND, EPSILONS)
+        return np.geomspace(scene.epsilons[-1] / BEYOND, scene.epsilons[0] * BEYOND, 17)
     values = np.unique(check_epsilons(epsilons))
     if values.size < 2:
         raise DeclarationError(

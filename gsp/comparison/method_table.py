@@ -39,14 +39,10 @@ from gsp.systems.arguments import shown
 from gsp.systems.flow import as_points, check_epsilons, check_orders
 from gsp.systems.region import Interval
 
-# Points an axis when none are given, by the number of slow variables, and the share of the region left free at its
-# ends, where the slow manifold is not determined by what is inside.
-AXIS_POINTS = {1: 33, 2: 9, 3: 5}
+# The share of the region left free at its ends, where the slow manifold is not determined by what is inside.
 MARGIN = 0.05
 # Points at which the solved manifold may be solved for at each epsilon, before it is told as far as it is resolved.
 MOST_POINTS = 1100
-# Costs are measured on at least this many points, as the best of so many runs.
-TIMED_POINTS, RUNS = 1000, 3
 
 # Methods that need a grid of the slow variables take at most this many of them.
 LARGEST_GRID = 3
@@ -344,13 +340,14 @@ def _box(branch: Branch, x: np.ndarray) -> dict[str, Interval]:
 
 
 def _cost(method: _Method, x: np.ndarray, epsilon: float) -> tuple[float, float, float]:
-    many = np.tile(x, (-(-TIMED_POINTS // len(x)), 1))
+    # Costs are measured on a thousand points at least, as the best of three runs.
+    many = np.tile(x, (-(-1000 // len(x)), 1))
     begun = time.perf_counter()
     evaluate = method.prepare(epsilon)
     prepared = time.perf_counter() - begun if method.preparation is None else method.preparation
     evaluations = evaluate(x).evaluations
     best = float("inf")
-    for _ in range(RUNS):
+    for _ in range(3):
         begun = time.perf_counter()
         evaluate(many)
         best = min(best, time.perf_counter() - begun)
@@ -365,7 +362,8 @@ def _grid(branch: Branch, box) -> np.ndarray:
             f"the region gives no interval for {', '.join(missing)}.",
             f"Give points, or bound {', '.join(missing)}.",
         )
-    n = AXIS_POINTS.get(len(names), 3)
+    # Points an axis, by the number of slow variables.
+    n = {1: 33, 2: 9, 3: 5}.get(len(names), 3)
     axes = [
         np.linspace(low + MARGIN * (high - low), high - MARGIN * (high - low), n)
         for low, high in (box[name] for name in names)

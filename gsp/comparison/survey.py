@@ -29,7 +29,6 @@ RTOL = 1e-11
 # Explicit steps against implicit ones: with so many times the field calls stability holds them back.
 RIVALS, WASTE = (Method.RADAU9, Method.DOP853), 4.0
 MAX_STEPS = 20_000
-NEWTON_STEPS = 50
 # Relative errors that differ by less are equal to rounding; it is what the points of reference are asked for.
 ROUNDING = 1e-13
 
@@ -280,7 +279,7 @@ def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray, sizes: np.ndarray) ->
     Fast variables are as large as `sizes` (n_fast,).
     """
     nx = x.size
-    for _ in range(NEWTON_STEPS):
+    for _ in range(50):
         z = np.concatenate([x, y])[None, :]
         value, slope = sampler.equilibria(z)[0], sampler.equilibria_jacobian(z)[0][:, nx:]
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):

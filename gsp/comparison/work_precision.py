@@ -46,12 +46,6 @@ from gsp.systems.tolerances import SHARE
 # The reference, and what its error is estimated from: two methods of different order.
 REFERENCE = (Method.RADAU13, Method.RADAU9)
 REFERENCE_RTOL = 1e-13
-RTOLS = tuple(10.0**-k for k in range(2, 13))
-ORDERS = (0, 1, 2, 3, 4)
-# A curve ends with the first run that takes longer than this (seconds); tighter tolerances would take longer still.
-LIMIT = 2.0
-# Errors at which curves are compared in tables.
-TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,7 +109,8 @@ class WorkPrecision(Drawn, Tabular):
 
     def __str__(self) -> str:
         width = max(len(curve.label) for curve in self.curves)
-        targets = [t for t in TARGETS if self.fastest(t) is not None]
+        # Errors at which curves are compared in tables.
+        targets = [t for t in (1e-3, 1e-5, 1e-7, 1e-9) if self.fastest(t) is not None]
         lines = [
             f"microseconds to reach an error of the slow variables, "
             f"{self.scene.system.epsilon} = {self.epsilon:g}, {self.start}",
@@ -141,11 +136,11 @@ def work_precision(
     scene: Scene | Study,
     *,
     epsilon: float | None = None,
-    rtols: Sequence[float] = RTOLS,
-    orders: Sequence[int] = ORDERS,
+    rtols: Sequence[float] = tuple(10.0**-k for k in range(2, 13)),
+    orders: Sequence[int] = (0, 1, 2, 3, 4),
     methods: Sequence[Method] | None = None,
     peers: Sequence[Peer] | None = None,
-    limit: float = LIMIT,
+    limit: float = 2.0,
     progress: Callable[[float], object] | None = None,
 ) -> WorkPrecision:
     """Error against seconds for `scene`: the full system by our `methods` and by `peers`, reduced models of `orders`.

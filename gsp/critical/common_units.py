@@ -11,9 +11,6 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.region import Interval, powers_of_two
 from gsp.systems.system import SlowFastSystem
 
-# Fractions and millivolts are common numbers: most models stay in the units that they are in, and as compiled.
-COMMON = (2.0**-3, 2.0**7)
-
 
 def common_units(system: SlowFastSystem, points: np.ndarray, more: np.ndarray | tuple[()] = ()) -> np.ndarray:
     """Units of the states (n,), by the largest finite numbers of each at `points` (m, n), and of `more` sizes (k,).
@@ -23,7 +20,8 @@ def common_units(system: SlowFastSystem, points: np.ndarray, more: np.ndarray | 
     """
     sizes = np.abs(np.where(np.isfinite(points), points, 0.0)).max(axis=0)
     others = np.array([size or 1.0 for size in more])
-    low, high = COMMON
+    # Fractions and millivolts are common numbers: most models stay in the units that they are in, and as compiled.
+    low, high = 2.0**-3, 2.0**7
     if ((sizes >= low) & (sizes < high)).all() and ((others >= low) & (others < high)).all():
         return np.ones(len(sizes) + len(others))
     return powers_of_two(np.concatenate([own_sizes(system, sizes, above=0.0), others]))

@@ -20,12 +20,9 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.systems.region import ImageBox, Interval
 
-# Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.
+# Points per axis for one and two slow variables; a Sobol sequence of 2^11 points beyond.
 GRID = {1: 257, 2: 33}
-SOBOL = 11
 COARSE = {1: 33, 2: 9}
-# Eigenvalues that are followed, the vectors by which they are found, and their relative accuracy.
-FOLLOWED, VECTORS, ACCURACY = 2, 40, 1e-9
 # A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts. Points
 # of a branch are found so well.
 EDGE = 1e-12
@@ -218,11 +215,11 @@ class Sampler:
             # The same start each time, for the same answer.
             found: Any = eigs(
                 whole,
-                k=min(FOLLOWED, n - 2),
-                ncv=min(VECTORS, n),
+                k=min(2, n - 2),
+                ncv=min(40, n),
                 sigma=shift,
                 v0=np.ones(n),
-                tol=ACCURACY,  # pyright: ignore[reportArgumentType]
+                tol=1e-9,  # pyright: ignore[reportArgumentType]
                 return_eigenvectors=False,
             )
             return found
@@ -365,7 +362,7 @@ def grid(box: np.ndarray, *, coarse: bool = False) -> np.ndarray:
         return np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
     from scipy.stats import qmc
 
-    unit = qmc.Sobol(n, scramble=False).random_base2(6 if coarse else SOBOL)
+    unit = qmc.Sobol(n, scramble=False).random_base2(6 if coarse else 11)
     corners = (np.arange(2 ** min(n, 5 if coarse else 10))[:, None] >> np.arange(n)) & 1
     points = np.vstack([unit, corners])
     return box[:, 0] + points * (box[:, 1] - box[:, 0])

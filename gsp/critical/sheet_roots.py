@@ -12,9 +12,6 @@ from gsp.systems.region import Interval, check_region
 from gsp.systems.scattered_points import halton
 from gsp.systems.system import SlowFastSystem
 
-# Boxes about a point from which Newton's method comes to nothing, in units of 1 + |y|.
-WIDENED = (1.0, 8.0, 64.0)
-
 Newton = Callable[[np.ndarray, float], np.ndarray]
 """From y (m, n_fast), and what counts as a unit of y, to the roots (k, n_fast) that are come to."""
 
@@ -70,7 +67,8 @@ def roots_about(
         return found
     if box is not None:
         found = np.vstack([found, scattered_roots(newton, box, size=size)])
-    for factor in () if len(found) else WIDENED:
+    # Boxes about a point from which Newton's method comes to nothing, in units of 1 + |y|.
+    for factor in () if len(found) else (1.0, 8.0, 64.0):
         found = within_reach(factor * far)
         if len(found):
             break

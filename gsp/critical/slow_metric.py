@@ -21,11 +21,10 @@ import numpy as np
 # Rates below so many roundings of what they are made of are 0.
 ROUNDING = 64 * float(np.finfo(float).eps)
 
-# Sharpness of the smooth maximum, in steps; a rate this near the least possible is it.
-SHARP = (30.0, 300.0, 3000.0)
+# A rate this near the least possible is it.
 NEAR = 1e-4
-# Above so many variables coupled to one another only their units are chosen; steps of descent for each sharpness.
-MOST_COUPLED, STEPS = 12, 60
+# Above so many variables coupled to one another only their units are chosen.
+MOST_COUPLED = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +131,8 @@ def _coupled(A: np.ndarray) -> np.ndarray:
     """T (n, n) for variables that all drive one another."""
     T = np.diag(_balanced(np.sqrt((A**2).mean(axis=0))))
     enough = (1.0 + NEAR) * float(frozen_rates(A).max())
-    for sharp in SHARP if len(T) <= MOST_COUPLED else ():
+    # Sharpness of the smooth maximum, in steps.
+    for sharp in (30.0, 300.0, 3000.0) if len(T) <= MOST_COUPLED else ():
         if _rate_in(A, T) <= enough:
             break
         T = _descended(A, T, sharp)
@@ -183,6 +183,6 @@ def _descended(A: np.ndarray, T: np.ndarray, sharp: float) -> np.ndarray:
         slope = (inverse @ (C @ G - G @ C).sum(axis=0)).T
         return top + float(np.log(total)) / sharp, slope.ravel()
 
-    found = minimize(value, np.eye(n).ravel(), jac=True, method="L-BFGS-B", options={"maxiter": STEPS}).x
+    found = minimize(value, np.eye(n).ravel(), jac=True, method="L-BFGS-B", options={"maxiter": 60}).x
     T = found.reshape(n, n) @ start
     return T if np.isfinite(T).all() and _rate_in(A, T) < unit else start

@@ -17,8 +17,6 @@ from gsp.algebra.polynomials import characteristic_roots
 CERTAIN = 1e-6
 # Past this size an exact characteristic polynomial takes seconds.
 LARGEST = 12
-# Rounding errors of an eigenvalue problem of size n, in units of n times the machine's (LAPACK Users' Guide, 4.8).
-ROUNDING = 4.0
 # A change of the entries by this relative amount is rounding that has added up on the way to them.
 ENTRIES = 1e-13
 
@@ -31,7 +29,8 @@ def eigenvalues(matrices: np.ndarray) -> np.ndarray:
     n = matrices.shape[-1]
     if n < 2 or not len(matrices):
         return values
-    unit = ROUNDING * n * np.finfo(float).eps
+    # Rounding errors of an eigenvalue problem of size n (LAPACK Users' Guide, 4.8).
+    unit = 4.0 * n * np.finfo(float).eps
     # In units of the largest entry, for squares of what a run near its blow-up holds overflow.
     largest = np.abs(matrices).max(axis=(1, 2))
     largest[largest == 0.0] = 1.0

@@ -29,10 +29,6 @@ from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.entry_exit import entry_exit
 from gsp.singular.singular_orbit import SingularOrbit
 
-# Widths of the tube about the invariant sheet, as shares of the jump away from it; how far beyond the predicted exit a
-# delay is looked at, and by which share of the way the entry section goes beyond what comes back.
-WIDTHS, BEYOND, ROOM = (2.0**-6, 2.0**-9), 0.3, 0.05
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ProvedCircuit:
@@ -123,7 +119,8 @@ class CircuitSearch(EpsilonSearch[ProvedCircuit]):
         """
         if epsilon not in self._known:
             found, why = [], NoOutline("no tube was tried")
-            for share in WIDTHS:
+            # Widths of the tube about the invariant sheet, as shares of the jump away from it.
+            for share in (2.0**-6, 2.0**-9):
                 try:
                     found.append(self._place(epsilon, share * float(self.frames[1].sizes[1])))
                 except (NoOutline, NotProved) as error:
@@ -142,7 +139,8 @@ class CircuitSearch(EpsilonSearch[ProvedCircuit]):
         (x,) = self.exit.branch.system.x
         way = self.frames[1].slow
         sooner = later = float(self.exit.point[x.name])
-        room = ROOM * abs(float(self.exit.start[x.name]) - sooner)
+        # By this share of the way the entry section goes beyond what comes back.
+        room = 0.05 * abs(float(self.exit.start[x.name]) - sooner)
         # How often sections are placed anew.
         for _ in range(4):
             begins = later + way * room, sooner - way * room
@@ -160,7 +158,8 @@ class CircuitSearch(EpsilonSearch[ProvedCircuit]):
     def _delay(self, begin: float, width: float, epsilon: float) -> ProvedDelay:
         (x,) = self.exit.branch.system.x
         end = float(self.exit.point[x.name])
-        grid = np.linspace(begin, end + BEYOND * (end - begin), STRIPS + 1)
+        # So far beyond the predicted exit a delay is looked at.
+        grid = np.linspace(begin, end + 0.3 * (end - begin), STRIPS + 1)
         return proved_delay(self.tube, grid, width, epsilon, above=True)
 
     def _closed(self, placed: _Placed, turn: Turn, epsilon: float) -> ProvedCircuit:

@@ -21,11 +21,10 @@ from gsp.cycles.outline import NoOutline
 from gsp.cycles.sectors import NotProved, Turn, slices
 from gsp.proofs.search_progress import SearchProgress
 
-# A largest epsilon is looked for to this share, down to so much below where the search begins; where it is a zero of
-# what doubles see, to a finer one.
-RESOLUTION, FINER, SPAN = 1.1, 1.02, 1e-6
-# Half the strips of a sector, and places across a strip that doubles look at.
-FINE, LOOKED = 48, 9
+# A largest epsilon is looked for to this share.
+RESOLUTION = 1.1
+# Half the strips of a sector.
+FINE = 48
 B = TypeVar("B", bound=Band)
 
 
@@ -158,12 +157,13 @@ def _largest_below(
 
     good, bad = floor, ceiling
     small = sqrt(good * bad) if 0.0 < good < bad < math.inf else min(begin, ceiling)
-    while small >= SPAN * begin and not bad <= RESOLUTION * good:
+    # It is looked for down to a millionth of where the search begins.
+    while small >= 1e-6 * begin and not bad <= RESOLUTION * good:
         shown.bracketed(good, bad, RESOLUTION)
         good, bad = (small, bad) if serves(small) else (good, small)
         small = 2.0 * good if bad == math.inf else 0.25 * bad if good == 0.0 else sqrt(good * bad)
-    # Between two values it is looked for more closely.
-    while 0.0 < good < bad < math.inf and math.isfinite(seen(bad)) and not bad <= FINER * good:
+    # Between two values a zero of what doubles see is looked for more closely.
+    while 0.0 < good < bad < math.inf and math.isfinite(seen(bad)) and not bad <= 1.02 * good:
         small = sqrt(good * bad)
         good, bad = (small, bad) if serves(small) else (good, small)
     return good
@@ -199,7 +199,8 @@ def seen_divergence(field: EnclosedField, band: Band, epsilon: float) -> float:
         strips = [(*one.box, one.is_passed) for one in slices(band, k, FINE)]
         left, right, bottom, top, passed = np.array(strips).T
         along = np.stack([left, 0.5 * (left + right), right], axis=1)
-        across = bottom[:, None] + np.linspace(0.0, 1.0, LOOKED) * (top - bottom)[:, None]
+        # Places across a strip that doubles look at.
+        across = bottom[:, None] + np.linspace(0.0, 1.0, 9) * (top - bottom)[:, None]
         places = np.broadcast_arrays(along[:, :, None], across[:, None, :])
         x, y = (v.ravel() for v in (places[::-1] if axis else places))
         f, g, f_x, _, _, g_y, *_ = field.nearby(np.column_stack([x, y]), epsilon)

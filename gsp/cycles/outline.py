@@ -20,11 +20,10 @@ from gsp.cycles.enclosed_field import EnclosedField
 from gsp.singular.singular_orbit import SingularOrbit
 
 Point = tuple[float, float]
-# Polygons follow orbits to this share of their slope, edges are accepted with this share to spare, and their slope is
-# not more than this times the mean of what it might be.
-FOLLOWED, SPARE, WASTE = 0.9, 0.02, 1.3
-# Points of an edge that are looked at, edges of a polygon, turns until one closes, halvings of an edge.
-LOOKED, MOST_EDGES, TURNS, HALVINGS = 33, 3000, 4, 40
+# Polygons follow orbits to this share of their slope, edges are accepted with this share to spare.
+FOLLOWED, SPARE = 0.9, 0.02
+# Points of an edge that are looked at, edges of a polygon, halvings of an edge.
+LOOKED, MOST_EDGES, HALVINGS = 33, 3000, 40
 SHARES = np.linspace(0.0, 1.0, LOOKED)
 
 
@@ -100,7 +99,7 @@ class Outliner:
         side = -1.0 if outer else 1.0
         more = 0.1 * self.distance * first.sizes[1]
         y = self._offset(0, begin, side) + side * more
-        for _ in range(TURNS):
+        for _ in range(4):
             outline = self._turn((begin, y), side)
             end = outline.points[-1][1] * first.fast
             if side * (y - end) > 0.0:
@@ -177,10 +176,8 @@ class Outliner:
             # The steepest part of an edge decides: it is not to be much steeper than the rest where that is seen.
             steepest = np.abs(slow).max()
             # A slope is seen that moves a jump by this share of its delay.
-            if (
-                steepest > max(WASTE * np.abs(slow).mean(), 0.05 * self.delays[k] / frame.sizes[1])
-                and h > least
-            ):
+            # Nor is an edge's slope much more than the mean of what it might be.
+            if steepest > max(1.3 * np.abs(slow).mean(), 0.05 * self.delays[k] / frame.sizes[1]) and h > least:
                 return None
             return x + h * float(slow[np.abs(slow).argmax()]), level if h == level - y else y + h
 

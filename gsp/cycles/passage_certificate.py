@@ -36,12 +36,8 @@ from gsp.systems.arguments import check_number, check_progress
 from gsp.systems.flow import check_epsilon
 from gsp.systems.system import SlowFastSystem
 
-# Points along a sheet on the way to its fold. A point where branches meet is looked for among fractions with
-# denominators up to these.
-SHEET, DENOMINATORS = 65, (100, 10_000, 1_000_000)
-# By which share of the way to the predicted exit a delay is looked at beyond it, and by which share of its size the
-# rate k of a delay may change over the width of the tube.
-BEYOND, CHANGE, MOST_HALVINGS = 0.5, 0.01, 64
+# Points along a sheet on the way to its fold.
+SHEET = 65
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -348,7 +344,8 @@ def _exact_point(
     g: sp.Expr, symbols: tuple[sp.Symbol, sp.Symbol], near: list[float]
 ) -> tuple[Fraction, Fraction]:
     """The fractions near a point at which g and its slopes vanish."""
-    for most in DENOMINATORS:
+    # A point where branches meet is looked for among fractions with denominators up to these.
+    for most in (100, 10_000, 1_000_000):
         point = tuple(Fraction(v).limit_denominator(most) for v in near)
         at = {s: sp.Rational(c.numerator, c.denominator) for s, c in zip(symbols, point)}
         if all(e.xreplace(at) == 0 for e in (g, *(sp.diff(g, s) for s in symbols))):
@@ -370,7 +367,8 @@ def _delayed(exit: DelayedExit, epsilon: float | None) -> PassageCertificate:
     (x,) = exit.branch.system.x
     begin, end = float(exit.start[x.name]), float(exit.point[x.name])
     width = _width(field, np.linspace(begin, end, SHEET), epsilon)
-    grid = np.linspace(begin, end + BEYOND * (end - begin), STRIPS + 1)
+    # By this share of the way to the predicted exit a delay is looked at beyond it.
+    grid = np.linspace(begin, end + 0.5 * (end - begin), STRIPS + 1)
     found = proved_delay(field, grid, width, epsilon)
     small = exit.branch.system.epsilon.name
     reason = f"a delayed loss of stability for every {small} in (0, {at_least(epsilon)}]"
@@ -385,9 +383,10 @@ def _width(field: DelayField, x: np.ndarray, epsilon: float) -> float:
         return np.array([float(field.over(balls.exact(u), balls.exact(v), small)[1].mid()) for u in x.tolist()])
 
     on_sheet = ratios(0.0)
-    for power in range(MOST_HALVINGS):
+    for power in range(64):
         width = way * 0.5**power
         changes = [np.abs(ratios(v) - on_sheet).max() for v in (width, -width)]
-        if max(changes) <= CHANGE * np.abs(on_sheet).max():
+        # The rate k of a delay may change by this share of its size over the width of the tube.
+        if max(changes) <= 0.01 * np.abs(on_sheet).max():
             return width
     raise NoOutline("the rate of approach changes too fast beside the sheet")

@@ -23,16 +23,13 @@ from gsp.cycles.enclosed_field import EnclosedField
 from gsp.cycles.outline import HALVINGS, Frame, NoOutline, Outline, Outliner, Point
 from gsp.cycles.outline import SHARES as LOOKED_AT
 
-# Places X along a line on either side of (0, 0), each so many times nearer to it than the one before, the last at this
-# share of the scale (epsilon f/kappa)^(1/2).
-NEARER, LAST = 0.75, 0.25
+# Places X along a line on either side of (0, 0), each so many times nearer to it than the one before.
+NEARER = 0.75
 # Rates beside a sheet are so many times what is needed against the drift. Distances go so many powers of two down from
 # the strip's reach, and up, by steps.
 SURPLUS, POWERS = 2.0, np.arange(-60.0, 4.0, 0.25)
 # An edge that does not fit is tried so much flatter.
 SHARES = (0.0, 0.25, 0.5, 0.75, 0.875)
-# A cut across a jump is tried at these shares of its height.
-CUT_AT = (0.5, 0.75, 0.875)
 
 
 def fold_strip(field: EnclosedField, frame: Frame, epsilon: float) -> Strip:
@@ -49,8 +46,8 @@ def fold_strip(field: EnclosedField, frame: Frame, epsilon: float) -> Strip:
         outline.jumps.append(len(outline.points) - 1)
         outline.follow(outliner._across(0, point, side, level), frame)
         lines.append(outline)
-    # A cut is above where the line that goes first leaves the repelling sheet.
-    for share in CUT_AT:
+    # A cut is above where the line that goes first leaves the repelling sheet: it is tried at these shares of the jump.
+    for share in (0.5, 0.75, 0.875):
         found = _assembled(frame, lines, float(frame.fold[1]) + share * (level - float(frame.fold[1])))
         ends = [line[place] * frame.signs for line, place in zip((found.outer, found.inner), found.cuts[1])]
         along = ends[0] + LOOKED_AT[:, None] * (ends[1] - ends[0])
@@ -105,7 +102,8 @@ class CrossingOutliner(Outliner):
         self.crossing, self.frame = crossing, crossing.frame
         turn = float(np.sqrt(epsilon / crossing.steepness))
         self.delays = [min(turn, crossing.reach)]
-        last = LAST * turn / crossing.reach
+        # The last place is at this share of the scale (epsilon f/kappa)^(1/2).
+        last = 0.25 * turn / crossing.reach
         count = 2 + max(0, int(np.ceil(np.log(last) / np.log(NEARER))))
         near = crossing.reach * NEARER ** np.arange(count)
         self.left = self._divided((-near).tolist(), lambda x: 0.0)

@@ -21,10 +21,6 @@ from gsp.cycles.annulus import Band
 from gsp.cycles.enclosed_field import EnclosedField
 from gsp.proofs import balls
 
-# Quarterings of a box whose rate is not yet of one sign.
-HALVINGS = 8
-# A box is quartered so often where its rate is not between its largest modulus and this share of it.
-CLOSER, LOOSE = 5, 0.5
 # Ends along the sector's axis, then across it.
 Box = tuple[float, float, float, float]
 
@@ -172,9 +168,11 @@ class _Sliced:
         if sign and smooth:
             inverse = balls.quotient(arb(1), sign * rate)
             share = balls.above(balls.product(divergence, inverse))
-            loose = quartered < CLOSER and not sign * rate > LOOSE * abs(rate).upper()
+            # A box is quartered five times where its rate is not between its largest modulus and half of it,
+            # and eight times where it is not yet of one sign.
+            loose = quartered < 5 and not sign * rate > 0.5 * abs(rate).upper()
             yield _Part(share, balls.above(inverse), balls.below(inverse), sign, box, quartered, loose)
-        elif quartered < HALVINGS:
+        elif quartered < 8:
             yield from self._divided(box, quartered)
         else:
             raise NotProved(

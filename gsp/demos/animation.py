@@ -19,7 +19,6 @@ from gsp.scenes.view import TIME, View, view_named
 from gsp.systems.arguments import check_number, check_progress
 from gsp.systems.tolerances import absolute_tolerance
 
-SECONDS = 5.0
 # A longer one has more frames than a file for slides should.
 LONGEST = 120.0
 
@@ -29,7 +28,7 @@ def animate(
     path: str | Path,
     *,
     view: str | None = None,
-    seconds: float = SECONDS,
+    seconds: float = 5.0,
     progress: Callable[[float], object] | None = None,
 ) -> Path:
     """Write a moving picture of the scene's full run at its epsilon, beside the limit, to `path` (.gif or .mp4).

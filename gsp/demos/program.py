@@ -21,8 +21,6 @@ from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 
-# The highest order of the reduction on a page.
-ORDER = 3
 # A coefficient with more terms is left out: with two hundred a page stays below its size, and a redraw below a frame.
 TERMS = 200
 
@@ -138,7 +136,8 @@ def _expanded(study: Study, *, symbolic: bool) -> tuple[SeriesManifold | None, s
     """The series as far as its coefficients are short enough for a page, and why it ends there."""
     found, reason = None, ""
     try:
-        for order in range(ORDER + 1):
+        # The highest order of the reduction on a page.
+        for order in range(4):
             series = study.series(order, symbolic=symbolic)
             if series.sizes[order] > TERMS:
                 reason = f"the coefficients of order {order} have {series.sizes[order]} terms, over {TERMS}"

@@ -41,9 +41,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "turn": ("name", "at"),
 }
 PICTURES = ("path", "plane", "space", "trace", "scales", "work", "errors")
-ORDERS = 4
-# A story that is longer is told by nobody.
-STEPS, TEXT, NAME, MARKS, POINTS = 64, 2000, 120, 16, 400
+NAME = 120
 
 
 def read_story(path: str | Path) -> dict:
@@ -126,7 +124,8 @@ class _Reader:
         steps = document.get("steps", [])
         if not isinstance(steps, list) or not steps or not all(isinstance(step, dict) for step in steps):
             raise ModelFileError("a story has steps.", "Begin each with [[steps]] on a line of its own.")
-        at_most(STEPS, len(steps), "the story has", "steps", "Make two of it.")
+        # A story that is longer is told by nobody.
+        at_most(64, len(steps), "the story has", "steps", "Make two of it.")
         found["steps"] = [self.step(step, k, bool(found.get("work"))) for k, step in enumerate(steps, 1)]
         return found
 
@@ -140,7 +139,7 @@ class _Reader:
         check_keys(step, STEP)
         if "text" not in step:
             raise ModelFileError("a step has a text.", 'Write text = "What is seen."')
-        found: dict[str, Any] = {"text": markup(text(step["text"], "text", TEXT))}
+        found: dict[str, Any] = {"text": markup(text(step["text"], "text", 2000))}
         for key in ("epsilon", "tolerance", "fixed"):
             if key in step:
                 found[key] = _positive(step[key], key)
@@ -159,7 +158,7 @@ class _Reader:
                 )
         if "orders" in step:
             found["orders"] = [int(n) for n in numbers(step["orders"], "orders")]
-            if not set(numbers(step["orders"], "orders")) <= set(range(ORDERS)):
+            if not set(numbers(step["orders"], "orders")) <= set(range(4)):
                 raise ModelFileError(
                     "orders are among 0, 1, 2, 3.", "Write orders = [0, 1].", got=found["orders"]
                 )
@@ -184,7 +183,7 @@ class _Reader:
             raise ModelFileError(
                 "marks is a list of tables.", 'Write marks = [{ axis = "x", at = 1, name = "here" }].'
             )
-        at_most(MARKS, len(marks), "marks has", "entries", "Keep the ones that are spoken of.")
+        at_most(16, len(marks), "marks has", "entries", "Keep the ones that are spoken of.")
         found["marks"] = [self.mark(mark) for mark in marks]
         found["views"] = [self.name(n, PICTURES, "views", "picture") for n in _listed(step, "views")]
         seen = (*PICTURES, *self.parameters, "epsilon", "length", "start", "orders", "notes")
@@ -305,7 +304,7 @@ def _listed(document: Mapping[str, Any], key: str) -> list:
 def _points(value: object, place: str) -> list:
     if not isinstance(value, list):
         raise ModelFileError(f"{place}: points are a list of pairs.", "Write [[0, 0], [1, 0]].")
-    at_most(POINTS, len(value), f"{place} has", "points", "Draw it more coarsely.")
+    at_most(400, len(value), f"{place} has", "points", "Draw it more coarsely.")
     return value
 
 

@@ -21,7 +21,6 @@ from gsp.systems.region import shown_region
 
 # Of 1800 terms a text has 200 kB and is made in 10 s, of 9500 terms 850 kB in a minute.
 LONGEST = 4000
-WIDTH = 96
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ class ReducedModel:
 
     def comment(self, names: Mapping[sp.Symbol, str]) -> list[str]:
         """Lines that say what the text is, with what `names` renames; nothing in them acts in any language."""
-        return [line for fact in self.said(names) for line in textwrap.wrap(inert(fact), WIDTH)]
+        return [line for fact in self.said(names) for line in textwrap.wrap(inert(fact), 96)]
 
     def said(self, names: Mapping[sp.Symbol, str]) -> list[str]:
         """What the text is, a sentence or two each, with what `names` renames."""

@@ -32,12 +32,7 @@ from gsp.systems.arguments import check_noun, check_times
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Point, check_epsilon, check_order
 
-# Times on which a composite is given when none are asked for: in the layer, spaced geometrically from this share of
-# its length, and after it, evenly.
-LAYER_POINTS, SLOW_POINTS = 120, 200
-LAYER_TIMES, FIRST = 40.0, 1e-3
 RTOL = 1e-12
-ATOL = 0.01 * RTOL
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,7 +181,7 @@ def composite(
             got=f"span = ({first:g}, {last:g})",
         )
     base = {n: sum(float(c) * value**k for k, c in enumerate(terms)) for n, terms in inner.base.items()}
-    outer = trajectory_of(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=ATOL)
+    outer = trajectory_of(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=0.01 * RTOL)
     names = (*(s.name for s in branch.system.states), *(s.name for s in reconstruction or {}))
     times = _times(outer, value / inner.gap) if grid is None else grid
     return CompositeSolution(inner, outer, value, order, names, times)
@@ -194,6 +189,7 @@ def composite(
 
 def _times(outer: Trajectory, layer_time: float) -> np.ndarray:
     first, last = float(outer.t[0]), float(outer.t[-1])
-    length = min(LAYER_TIMES * layer_time, last - first)
-    inside = first + length * np.append(0.0, np.geomspace(FIRST, 1.0, LAYER_POINTS))
-    return np.unique(np.append(np.minimum(inside, last), np.linspace(first, last, SLOW_POINTS)))
+    length = min(40.0 * layer_time, last - first)
+    inside = first + length * np.append(0.0, np.geomspace(1e-3, 1.0, 120))
+    # In the layer times are spaced geometrically from a thousandth of its length, and after it evenly.
+    return np.unique(np.append(np.minimum(inside, last), np.linspace(first, last, 200)))

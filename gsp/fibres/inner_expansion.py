@@ -38,8 +38,6 @@ from gsp.systems.system import SlowFastSystem
 
 # The order through which no second derivative of a rate, which a kink makes infinite for an instant, is integrated.
 ACROSS_KINKS = 2
-# Two values of a slope that differ by more, relative to both, are two: they are known to 15 digits.
-CONSTANT = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -283,7 +281,8 @@ def _varies(slope: sp.Expr, problem: Problem) -> bool:
     first, second = (sp.N(slope.xreplace(point)) for point in (here, beside))
     if not (first.is_Float or first.is_Rational) or not (second.is_Float or second.is_Rational):
         return False
-    return bool(abs(first - second) > CONSTANT * (abs(first) + abs(second)))
+    # Two values of a slope that differ by more, relative to both, are two: they are known to 15 digits.
+    return bool(abs(first - second) > 1e-9 * (abs(first) + abs(second)))
 
 
 def _refuse_growth(problem: Problem, terms: Mapping[str, list]) -> None:

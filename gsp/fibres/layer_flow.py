@@ -20,8 +20,6 @@ from gsp.systems.system import SlowFastSystem, VectorField
 
 # A panel of a layer is resolved when its last Chebyshev coefficients are this small, relative to the layer on it.
 RESOLVED = 1e-13
-# How far off a switching surface its two sides are compared, in units, and the share of the rates that is a jump.
-SIDE, JUMP = 1e-6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +75,11 @@ class LayerFlow:
     def jumps(self, y: np.ndarray) -> bool:
         """Whether f or g jumps at `y` (n_fast,), where a switching function vanishes: compared along the layer."""
         way = self.rates(y[None, :])[0]
-        places = y + SIDE * np.outer([-1.0, 1.0], way / np.linalg.norm(way))
+        # How far off a switching surface its two sides are compared, in units.
+        places = y + 1e-6 * np.outer([-1.0, 1.0], way / np.linalg.norm(way))
         both = self._function([*self._slow_rates, *self._rates], places)
-        return bool((np.abs(both[1] - both[0]) > JUMP * np.abs(both).max(axis=0)).any())
+        # A jump is at least this share of the rates.
+        return bool((np.abs(both[1] - both[0]) > 1e-3 * np.abs(both).max(axis=0)).any())
 
     @property
     def _slow_rates(self) -> list[sp.Expr]:

@@ -15,8 +15,8 @@ from gsp.fibres.layer_flow import RESOLVED, LayerFlow
 from gsp.integration.trajectory import Method, RunOptions, trajectory_of
 from gsp.roots import root
 
-# Fast times 1/gap after which a start is expected near the branch, and how often that is doubled.
-PATIENCE, DOUBLINGS = 40.0, 7
+# Fast times 1/gap after which a start is expected near the branch.
+PATIENCE = 40.0
 # Distance, in the layer's units, at which the layer is continued by its linearisation: the square is rounding.
 LINEAR = 1e-9
 # The layer is followed until it is this small, so that powers of tau times it are below rounding too.
@@ -27,8 +27,8 @@ PANEL_TIMES, GROWTH = 2.0, 1.2
 # Ratio of the fast rates above which the fast block counts as having two time scales of its own.
 SPREAD = 1e4
 NEWTON_STEPS = 8
-# A panel that is not resolved, to `RESOLVED` or rounding of the fast variables, is halved, at most so often.
-ROUNDING, DEEPEST = 2 * np.finfo(float).eps, 14
+# A panel that is not resolved, to `RESOLVED` or rounding of the fast variables, is halved.
+ROUNDING = 2 * np.finfo(float).eps
 # The same for the terms of a series along the layer, relative to their largest value; panels are halved so often.
 ROUGH, REFINEMENTS = 1e-11, 8
 
@@ -204,7 +204,7 @@ def _nonlinear(branch, layer: LayerFlow, y, point, gap, longest):
     names = _fast_values(branch, y)
     run = None
     options = RunOptions(Method.DOP853)
-    for _ in range(DOUBLINGS):
+    for _ in range(7):
         run = trajectory_of(layer.flow(), names, (0.0, span), rtol=1e-13, atol=1e-15, options=options)
         distance = np.linalg.norm(run.y - point[:, None], axis=0)
         if not run.status.ok or distance[-1] <= LINEAR:
@@ -285,7 +285,7 @@ def _resolved(
     eta = _collocate(layer, point, left, half, guess)
     if eta is not None and tail(eta.T).max() <= RESOLVED * np.abs(eta).max() + ROUNDING:
         return [(last, eta)]
-    if depth == DEEPEST:
+    if depth == 14:
         return None
     middle = first + half
     before = _resolved(layer, point, left, run, first, middle, depth + 1)

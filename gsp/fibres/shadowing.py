@@ -29,19 +29,12 @@ from gsp.systems.flow import Point
 from gsp.systems.region import in_units
 from gsp.systems.system import SlowFastSystem, VectorField
 
-# Fast times 1/gap of the first run, how often it is doubled, and at how many times it is looked at. The base point is
-# found from two times, the second one later by a factor and by so many layer times at least; their difference is an
-# error estimate.
-LAYER_TIMES, EXTENSIONS, LOOKS = 50.0, 4, 100
-SECOND_FACTOR, SECOND_LATER = 1.3, 6.0
-# Distance from the slow manifold, relative to 1 + |y|, at which the layer counts as over; or this many errors of h.
-NEAR, NEAR_ERRORS = 1e-12, 10.0
+# Fast times 1/gap of the first run. The base point is found from two times; their difference is an error estimate.
+LAYER_TIMES = 50.0
+# Distance from the slow manifold, relative to 1 + |y|, at which the layer counts as over; or ten errors of h.
+NEAR = 1e-12
 # Estimated error, relative to 1 + |b|, above which there is no base point to speak of.
 LOST = 1e-2
-RTOL, ATOL = 2e-14, 1e-17
-# The slow flow is followed in panels of this length times its Lipschitz constant: Picard's iteration then gains a
-# digit or more each time.
-PANEL, PICARD_STEPS = 0.4, 60
 
 Surface = Callable[[np.ndarray], tuple[np.ndarray, float]]
 
@@ -119,15 +112,15 @@ class _Shadowing:
 
     def found(self) -> Shadow:
         time = LAYER_TIMES * self.layer_time
-        for _ in range(EXTENSIONS):
+        for _ in range(4):
             run = trajectory_of(
                 self.flow,
                 start=dict(zip((s.name for s in self.states), map(float, self.start))),
                 span=(0.0, time),
                 epsilon=self.epsilon,
-                rtol=RTOL,
-                atol=ATOL,
-                at=np.linspace(0.0, time, LOOKS + 1)[1:],
+                rtol=2e-14,
+                atol=1e-17,
+                at=np.linspace(0.0, time, 101)[1:],
                 options=RunOptions(method=Method.DOP853),
             )
             pair = self._landed(run)
@@ -186,14 +179,15 @@ class _Shadowing:
             except BranchError as reason:
                 raise BranchError(f"{self._leaving(run, i)} {reason}") from None
             last, distance = i, float(np.linalg.norm(y[i] - h[0]))
-            limit = max(NEAR * (1.0 + float(np.linalg.norm(h))), NEAR_ERRORS * error)
+            limit = max(NEAR * (1.0 + float(np.linalg.norm(h))), 10.0 * error)
             if over is None and distance <= limit:
                 over, left = i, max(distance, error)
             # A thousand such distances away it has left again.
             elif over is not None and distance > 1e3 * limit:
                 raise BranchError(self._leaving(run, i))
             if over is not None:
-                later = max(SECOND_FACTOR * run.t[over], run.t[over] + SECOND_LATER * self.layer_time)
+                # The second time is later by a factor and by so many layer times at least.
+                later = max(1.3 * run.t[over], run.t[over] + 6.0 * self.layer_time)
                 if run.t[i] >= later:
                     return over, i, left
         if not run.status.ok:
@@ -294,14 +288,16 @@ class _ShadowingFlow:
     def back(self, end: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         """z(0) from z(time) = `end`, and what the error of h may have done to it."""
         nodes, _, S = chebyshev()
-        count = max(1, int(np.ceil(time * self._lipschitz(end) / PANEL)))
+        # The slow flow is followed in panels of this length times its Lipschitz constant: Picard's iteration then
+        # gains a digit or more each time.
+        count = max(1, int(np.ceil(time * self._lipschitz(end) / 0.4)))
         length = time / count
         # From the right end of each panel: int_(c_i)^1 = S_last - S_i.
         left = 0.5 * length * (S[-1] - S)
         z, drift = end, np.zeros(len(end))
         for _ in range(count):
             values = np.tile(z, (len(nodes), 1))
-            for _ in range(PICARD_STEPS):
+            for _ in range(60):
                 rates, error = self.rates(values)
                 moved = z - left @ rates
                 change = float(np.abs(moved - values).max())

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from gsp.proofs.certificate import Certificate
 
 EQUILIBRIUM_TOLERANCE = 1e-9
-# Enclosures that bound the gap by less than this share of the sampled one leave room for one that samples missed.
-SHARP = 0.5
 # Conditions whose numbers a proof has too.
 HYPERBOLIC, DOMINATES = "hyperbolic equilibria", "normal rate dominates"
 
@@ -276,7 +274,9 @@ def _judged(
             evidence += f"; {exclusion}"
         elif exclusion.by_discriminant and not exclusion.gap:
             bound = "between them no eigenvalue vanishes, and nothing bounds the gap"
-        elif exclusion.gap < SHARP * judged.gap:
+        # Enclosures that bound the gap by less than this share of the sampled one leave room for one that samples
+        # missed.
+        elif exclusion.gap < 0.5 * judged.gap:
             bound = f"between them enclosures bound the gap by {at_least(exclusion.gap)} only"
     evidence = "; ".join(filter(None, (evidence, bound)))
     rates = NormalRates(judged.gap, sampler.tangential_rate(z))

@@ -16,9 +16,6 @@ from gsp.systems.flow import Flow
 LOST = 36.0
 # A solution that has grown this much, by a power law that three of its points agree on to so much, is blowing up.
 GROWN = 1e3
-AGREEMENT = 0.02
-# The points are taken where the distance from the pole stands clear of the rounding of t.
-CLEAR = 1e-9
 _FAILED = (Status.NON_FINITE, Status.STEP_TOO_SMALL, Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN)
 
 
@@ -79,7 +76,8 @@ def _pole(flow: Flow, p: np.ndarray, record: RunRecord) -> str:
         return ""
     with np.errstate(all="ignore"):
         ratio = y[:, i] / compile_flow(flow).rates(y, p)[:, i]
-        clear = np.flatnonzero((size > GROWN * (1.0 + size[0])) & (np.abs(ratio) > CLEAR * np.abs(t)))
+        # The points are taken where the distance from the pole stands clear of the rounding of t.
+        clear = np.flatnonzero((size > GROWN * (1.0 + size[0])) & (np.abs(ratio) > 1e-9 * np.abs(t)))
         chosen = list(clear[-1:])
         # Far enough apart that the slope of what is no power, such as exp(1/(T - t)), has changed.
         for k in clear[::-1]:
@@ -90,7 +88,7 @@ def _pole(flow: Flow, p: np.ndarray, record: RunRecord) -> str:
         c, b, a = chosen
         slopes = [(ratio[j] - ratio[i_]) / (t[j] - t[i_]) for i_, j in ((a, b), (b, c))]
         power = -1.0 / slopes[1]
-        agree = abs(slopes[0] - slopes[1]) <= AGREEMENT * abs(slopes[1])
+        agree = abs(slopes[0] - slopes[1]) <= 0.02 * abs(slopes[1])
     if not (agree and np.isfinite(power) and power > 0.0):
         return ""
     pole = t[c] + power * ratio[c]

@@ -15,7 +15,6 @@ from gsp.systems.arguments import check_whole
 # Items that a thread takes at once: enough that a call costs little (10 us against 0.6 ms of the sleigh's runs), and
 # at the end ever fewer, a share of those left, so that the threads finish together.
 LARGEST_CHUNK = 64
-SHARES = 4
 
 Work = Callable[[int, int, np.ndarray], object]
 """Work on the items low to high - 1 that leaves off once its last argument, `halt` (1,), is not 0."""
@@ -44,7 +43,7 @@ def share(
         with lock:
             low = begun
             # One thread has none to finish together with.
-            shares = 1 if threads == 1 else SHARES * threads
+            shares = 1 if threads == 1 else 4 * threads
             begun += min(count - low, max(1, min(LARGEST_CHUNK, (count - low) // shares)))
             return low, begun
 

@@ -14,9 +14,6 @@ from gsp.kernels.scan import SUBDIVISIONS
 MOST_SUBDIVISIONS = 32 * SUBDIVISIONS
 # Parts beyond which signs that do not settle are taken for rounding about zero.
 MOST_UNSETTLED = 32 * MOST_SUBDIVISIONS
-# The points stand at u + SKEW u (1 - u) of a step, u equally spaced: no oscillation stays in time with them. It is the
-# golden section's smaller part.
-SKEW = 0.382
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,8 @@ class RunPiece:
     def _inside(self, steps: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Times (k, m) within steps (k,) at the skewed shares `u` (m,)."""
         begun = self.times[steps, None]
-        return begun + (u + SKEW * u * (1.0 - u)) * (self.times[steps + 1, None] - begun)
+        # No oscillation stays in time with points at skewed shares; 0.382 is the golden section's smaller part.
+        return begun + (u + 0.382 * u * (1.0 - u)) * (self.times[steps + 1, None] - begun)
 
 
 def _changes(g: np.ndarray) -> np.ndarray:

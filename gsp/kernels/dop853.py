@@ -26,7 +26,6 @@ BETA = 0.04
 EXPONENT = 1.0 / 8.0 - 0.2 * BETA
 ERROR_FLOOR = 1e-4
 LARGEST_GROWTH = ERROR_FLOOR**-BETA
-FAILURE_FACTOR = 0.1
 # |h lambda| at the border of stability; how many signs make or clear a suspicion (DOP853; II, section IV.2).
 STABILITY_BORDER = 6.1
 STIFF_SIGNS = 15
@@ -103,7 +102,7 @@ def dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, 
             if counters[integrator.NEXT_STOP] == stops.shape[0]:
                 return integrator.FINISHED
         else:
-            factor = FAILURE_FACTOR
+            factor = 0.1
             if math.isfinite(error):
                 factor = max(MINIMUM_FACTOR, SAFETY * error**-EXPONENT)
             if not reject(step, factor, memory, counters):

@@ -53,11 +53,6 @@ from gsp.kernels.step_control import accept, begin, next_step, reject
 SAFETY = 0.75
 MINIMUM_FACTOR = 0.2
 MAXIMUM_FACTOR = 8.0
-# Gustafsson's memory never falls below this (RADAU).
-ERROR_FLOOR = 1e-2
-LOOSEST_ITERATION = 0.03
-# Share of the tolerance asked for. At 0.02 the steps' errors, all of one sign, outweigh those of the collocation.
-ITERATION_SHARE = 0.002
 ROUNDING = 10 * 2.0**-52
 
 # The estimate is O(h^(s+1)) for s stages, the error of the dense output O(h^(s+2)), that of a step O(h^(2s)). A
@@ -73,7 +68,8 @@ def _control(rtol, atol, stages):
     family = (stages - 5) // 2
     controlled = rtol ** TRANSFORM[family]
     # The iteration ends where its error is lost beside the tolerance asked for, or in rounding.
-    tolerance = max(ROUNDING / controlled, min(LOOSEST_ITERATION, ITERATION_SHARE * rtol / controlled))
+    # At 0.02 of what is asked for the steps' errors, all of one sign, outweigh those of the collocation.
+    tolerance = max(ROUNDING / controlled, min(0.03, 0.002 * rtol / controlled))
     # What is foreseen of the polynomial's error is too large, since the series falls off faster. With this
     # share what is read between the steps meets the tolerance on linear problems with rates of 1e2 to 1e8 and
     # forcing that grows, decays or turns, and three times that on twenty stiff ones. With 0.07 some are off by
@@ -160,7 +156,8 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     control = _control(rtol, atol, stages)
     block[RTOL], block[ATOL] = control[0], control[1]
     exponent = -1.0 / (stages + 1)
-    largest_growth = ERROR_FLOOR**exponent
+    # Gustafsson's memory never falls below this (RADAU).
+    largest_growth = 1e-2**exponent
     most = most_rounds(stages)
     work = block[POINT : POINT + n]
     work_rate = block[end : end + n]

@@ -7,11 +7,6 @@ import math
 from gsp.kernels import integrator
 from gsp.kernels.compilation import kernel
 
-# Steps do not grow beyond the one in which theta would be this, as if theta went with the step's square, and one that
-# failed is shortened to that, by half at least. At loose tolerances the iteration is what fails: at rtol 1e-2 a third
-# of all attempts did, after steps whose error let them grow eightfold. From 0.1 to 0.3 the work is the same.
-AIM = 0.2
-LONGEST_AFTER_FAILURE = 0.5
 # After a value that is not finite or a pivot of 0 there is no estimate; a tenth is RODAS's choice for a bad first step.
 FAILURE_FACTOR = 0.1
 
@@ -46,7 +41,11 @@ def failure_of(verdict):
 @kernel
 def change_allowed(theta):
     """How many times as long the next step may be, after one in which the iteration contracted by `theta`."""
-    return math.sqrt(AIM / theta)
+    # Steps do not grow beyond the one in which theta would be 0.2, as if theta went with the step's square, and one
+    # that failed is shortened to that, by half at least. At loose tolerances the iteration is what fails: at rtol
+    # 1e-2 a third of all attempts did, after steps whose error let them grow eightfold. From 0.1 to 0.3 the work is
+    # the same.
+    return math.sqrt(0.2 / theta)
 
 
 @kernel
@@ -63,7 +62,7 @@ def judge(k, most, norm, before, tolerance):
     if k > 1 and norm > 0.0:
         rate = norm / last_norm
         theta = rate if k == 2 else math.sqrt(rate * last_rate)
-        shorter = min(LONGEST_AFTER_FAILURE, max(FAILURE_FACTOR, change_allowed(theta)))
+        shorter = min(0.5, max(FAILURE_FACTOR, change_allowed(theta)))
         # As in RADAU: slower than 0.99 is divergence.
         if theta >= 0.99:
             return DIVERGED, shorter, before

@@ -21,7 +21,6 @@ CONVERGED, NOT_CONVERGED, NON_FINITE, ILL_CONDITIONED = range(4)
 # next would be below rounding.
 ROUNDING = 4e-16
 QUADRATIC = 1e-9
-ITERATIONS = 25
 # Beyond this the Jacobian's digits in one fast direction are lost under another's: fast rates l and L apart lead
 # to (L/l)^(m+1), and what Newton's method then takes for a solution is none.
 CONDITION = 1e13
@@ -135,7 +134,7 @@ def at_order(flow, xs, ys, order, errors, codes):
         previous = math.inf
         change = math.inf
         fresh = True
-        for _ in range(ITERATIONS):
+        for _ in range(25):
             if fresh:
                 _jet(flow, x, y, order + 2, v, d)
                 full += 1

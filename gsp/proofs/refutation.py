@@ -32,10 +32,8 @@ from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import Spectrum, spectrum_of
 from gsp.proofs.tubes import Box, RootTube, enclose, krawczyk
 
-# Boxes along a line, and halvings that narrow a change of type down.
-LINE_BOXES, HALVINGS = 400, 40
-# The arc from a fold to the chain is tried with these lengths, as shares of the line's way in y.
-ARCS = (0.3, 0.1, 0.03, 0.01)
+# Boxes along a line.
+LINE_BOXES = 400
 
 
 @dataclass(frozen=True)
@@ -159,7 +157,7 @@ def _between(
     if first is None or last is None or first.counts == last.counts:
         return None
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(40):
         middle = 0.5 * (low + high)
         found = spectrum(middle)
         if found is None:
@@ -245,9 +243,10 @@ def _fold(equations: EnclosedEquations, line: LineSegment, anchor: list[arb]) ->
     y, t = place[:m], place[m]
     if not (t > 0 and t < 1):
         return None
+    # The arc from a fold to the chain is tried with these lengths, as shares of the line's way in y.
     joined = any(
         _joins(line, anchor, found, share * side * float(np.abs(last - near).max() or 1.0), y, t)
-        for share in ARCS
+        for share in (0.3, 0.1, 0.03, 0.01)
         for side in (1.0, -1.0)
     )
     if not joined:

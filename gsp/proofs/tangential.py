@@ -27,8 +27,6 @@ from gsp.proofs.spectrum import largest_modulus
 from gsp.proofs.tubes import Box, RootTube, enclose, middle_of
 from gsp.systems.scattered_points import PLACES
 
-HALVINGS = 2000
-
 
 def tangential_rate(
     equations: EnclosedEquations, slow: Sequence[sp.Expr], pieces: Sequence[CoveredPart], *, enough: float = 0.0
@@ -46,7 +44,7 @@ def tangential_rate(
         for tube in (p.tube for p in pieces)
     ]
     heapq.heapify(waiting)
-    for _ in range(HALVINGS):
+    for _ in range(2000):
         bound, _, box, tube, whole = waiting[0]
         # As shares of the piece's box: variables have different units.
         sides = [(high - low) / (last - first or 1.0) for (low, high), (first, last) in zip(box, whole)]

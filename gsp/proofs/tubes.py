@@ -26,9 +26,7 @@ _ZERO = arb(0)
 Box = tuple[tuple[float, float], ...]
 
 # The first radius is so much larger than what the residual asks for, and grows so much from round to round.
-FIRST_ROOM, ROOM, ROUNDS = 1.2, 1.25, 4
-# The least radius, relative to the size of y and |y|.
-AT_A_POINT, OVER_A_BOX = 5 * np.finfo(float).eps, 1e-12
+FIRST_ROOM, ROOM = 1.2, 1.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +124,8 @@ def krawczyk(
             along = by_x[i * n + k] + _total(by_y[i * m + j] * tilt[j][k] for j in range(m))
             residual[i] = residual[i] + along * off[k]
     defect = [_total(approximate[i][k] * residual[k] for k in range(m)) for i in range(m)]
-    # A tube over one point has to fit into tubes over boxes.
-    least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
+    # Relative to the size of y and |y|: a tube over one point has to fit into tubes over boxes.
+    least = 5 * np.finfo(float).eps if all(low == high for low, high in box) else 1e-12
     sizes = equations.sizes.tolist()
     radius = [
         margin * balls.magnitude(d) + least * (size + abs(float(v)))
@@ -135,7 +133,7 @@ def krawczyk(
     ]
     # Radii beyond these, relative to the size of y and the largest on the tube's line, are on their way to infinity.
     far = [1e6 * (size + balls.magnitude(y)) for y, size in zip(line, sizes)]
-    for _ in range(ROUNDS):
+    for _ in range(4):
         # A radius that is not a number fails here as well.
         if not all(r < limit for r, limit in zip(radius, far)):
             return None

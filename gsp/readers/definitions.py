@@ -19,7 +19,6 @@ from gsp.readers.expressions import FUNCTIONS, RESERVED, Definition, Definitions
 from gsp.readers.limits import at_most
 from gsp.readers.tokens import tokenise
 
-DEFINITIONS = 2000
 ARGUMENTS = 32
 
 _WORD = r"[A-Za-z][A-Za-z0-9_]{0,63}"
@@ -32,7 +31,7 @@ def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol])
     Raises `ModelFileError` for a name or an argument that means something already, for one that is not declared, and
     for a circle, which is named.
     """
-    at_most(DEFINITIONS, len(table), "definitions holds", "names", "Keep fewer.")
+    at_most(2000, len(table), "definitions holds", "names", "Keep fewer.")
     definitions = Definitions()
     for head, text in table.items():
         name, arguments = _head(head)

@@ -12,7 +12,6 @@ from gsp.readers.expressions import Definitions
 from gsp.scenes.ramp_question import RampQuestion
 from gsp.systems.ramp import PHASE, Ramp
 
-RAMPS = 16
 KINDS: Mapping[str, Callable[..., Ramp]] = {
     "tanh": Ramp.tanh,
     "logistic": Ramp.logistic,
@@ -28,7 +27,7 @@ def read_ramps(
 ) -> dict[str, RampQuestion]:
     """The questions of [ramps]; raises `ModelFileError` that names the key."""
     found = {}
-    for name, key, table in values.named_tables("ramps", tables, RAMPS):
+    for name, key, table in values.named_tables("ramps", tables, 16):
         values.check_keys(table, _KEYS, f"{key}.")
         profile = values.text(table.get("profile", ""), f"{key}.profile", 1000)
         moved = values.table(table, "parameters")

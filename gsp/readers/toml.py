@@ -90,8 +90,6 @@ DOTS = 40
 """Bound on dots in what could be a key: tomllib takes quadratic time and memory in a dotted key."""
 _NO_KEYS = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|#.*')
 CLAIMS = 8
-STARTS = 64
-VIEWS = 16
 
 _TABLES = (
     "parameters",
@@ -383,7 +381,7 @@ def _claims(
 def _views(tables: Mapping[str, object]) -> dict[str, View]:
     """What to show, [views.NAME] each."""
     found = {}
-    for name, key, table in values.named_tables("views", tables, VIEWS):
+    for name, key, table in values.named_tables("views", tables, 16):
         values.check_keys(table, ("x", "y", "z", "title", "ranges"), f"{key}.")
         for axis in ("x", "y"):
             if axis not in table:
@@ -403,7 +401,7 @@ def _views(tables: Mapping[str, object]) -> dict[str, View]:
 def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:
     """Further starts, [starts.NAME] each: what differs from [start]."""
     found = {}
-    for name, key, table in values.named_tables("starts", tables, STARTS, holds=" of numbers"):
+    for name, key, table in values.named_tables("starts", tables, 64, holds=" of numbers"):
         found[name] = {
             state: float(values.number(value, f"{key}.{state[:64]}")) for state, value in table.items()
         }

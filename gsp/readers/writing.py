@@ -20,8 +20,8 @@ from gsp.scenes.view import View
 from gsp.systems.arguments import check_noun, shown
 from gsp.systems.system import SlowFastSystem
 
-# Where two expressions that are written differently are compared, and to how many digits.
-PLACES, DIGITS = 3, 40
+# To how many digits two expressions that are written differently are compared.
+DIGITS = 40
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
@@ -90,7 +90,8 @@ def _agree(saved: object, found: object) -> bool:
     if plain[0].free_symbols != plain[1].free_symbols:
         return False
     names = sorted(plain[0].free_symbols, key=str)
-    for k in range(PLACES):
+    # They are compared in three places.
+    for k in range(3):
         place = {s: sp.Rational(2 * i + 3 * k + 5, 7 * i + k + 6) for i, s in enumerate(names)}
         values = [e.xreplace(place).evalf(DIGITS) for e in plain]
         gap, bound = abs(values[0] - values[1]), sp.Float(10) ** (10 - DIGITS) * (1 + abs(values[0]))

@@ -18,8 +18,8 @@ from gsp.scenes.small_parameter import unused_epsilon
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
 
-# Sets of up to so many states are tried; of sets and of equilibria no more than so many.
-LARGEST_SET, MOST = 3, 64
+# Of sets and of equilibria no more than so many are tried.
+MOST = 64
 
 # What a reaction changes, by state: numbers, or ratios of parameters, such as volumes.
 Stoichiometry = Mapping[sp.Symbol, sp.Expr]
@@ -92,7 +92,8 @@ def fast_parts(field: VectorField, *, large: Iterable[Collection[sp.Symbol]] = (
         return FastPart(f"{kind}quasi-steady state of {', '.join(s.name for s in chosen)}", unit, rates)
 
     found: list[FastPart] = []
-    for size in range(1, min(LARGEST_SET, len(states) - 1) + 1):
+    # Sets of up to three states are tried.
+    for size in range(1, min(3, len(states) - 1) + 1):
         if len(found) + math.comb(len(states), size) > MOST:
             break
         found += map(quasi_steady, itertools.combinations(states, size))

@@ -11,9 +11,6 @@ from gsp.lowering.compiled_function import compile_function
 from gsp.reductions.fast_parts import FastPart
 from gsp.systems.system import VectorField
 
-# Newton's steps from a place of the run.
-STEPS = 12
-
 
 def defect(field: VectorField, part: FastPart, run: Trajectory, times: np.ndarray) -> float:
     """The middle one of the distances from the run at `times` to f = 0 along N, relative to the sizes of the states.
@@ -31,7 +28,8 @@ def defect(field: VectorField, part: FastPart, run: Trajectory, times: np.ndarra
     r = len(part.rates)
     moved, alive = places.copy(), np.ones(len(places), dtype=bool)
     with np.errstate(all="ignore"):
-        for _ in range(STEPS):
+        # Newton's steps from a place of the run.
+        for _ in range(12):
             values = function(moved, constants)
             inner = values[:, r:].reshape(-1, r, len(states)) @ N
             alive &= np.isfinite(values).all(axis=1)

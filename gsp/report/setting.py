@@ -13,9 +13,6 @@ from gsp.results.long_formulas import count_lines
 from gsp.results.mathml import Typesetter, numeral, operator, row
 from gsp.systems.declaration import exact
 
-# A formula of more lines is read by nobody on a page: four of so many are the most of one.
-MOST_LINES = 12
-
 
 class Setting:
     """Sets what a page says, with one lettering for its `symbols`."""
@@ -37,7 +34,8 @@ class Setting:
     def coefficient(self, left: str, right: sp.Expr) -> tuple[Markup, Markup]:
         """The same for a coefficient of a series; one that is too long to be read says where it stands."""
         taken = count_lines(right)
-        if taken <= MOST_LINES:
+        # A formula of more lines is read by nobody on a page: four of so many are the most of one.
+        if taken <= 12:
             return self.block(left, right)
         return self.block(left, f"<mtext>&#160;a formula of {taken} lines, in report.json</mtext>")
 

@@ -21,8 +21,6 @@ from gsp.systems.system import VectorField
 
 # Terms of all equations that are looked at: some 50 s.
 BUDGET = 2_000_000
-# Products of terms that take the time of one of these.
-PRODUCTS = 2_500
 
 
 def small_parameters(
@@ -140,7 +138,8 @@ def _at(
                     found.append(SmallParameter.of(critical, chosen))
             except BudgetError:
                 large.append(chosen)
-            count((whole.ring.spent - before) // PRODUCTS)
+            # Products of terms that take the time of one of these.
+            count((whole.ring.spent - before) // 2_500)
     return found
 
 

@@ -29,8 +29,8 @@ from gsp.systems.flow import Flow, Point, Portable, Question, frozen, values_by_
 from gsp.systems.region import Interval
 from gsp.systems.tolerances import RTOL, absolute_tolerance
 
-# Times at which a flow is looked at unless the caller says at which, and products of a matrix that these may take.
-POINTS, FEWEST, PRODUCTS = 200, 16, 5e8
+# Products of a matrix that the times may take at which a flow is looked at.
+PRODUCTS = 5e8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -232,7 +232,7 @@ def time_scales(
     run = trajectory_of(flow, start, span, epsilon, RTOL, atol, at, options)
     n = len(flow.states)
     if at is None:
-        count = int(np.clip(PRODUCTS / n**3, FEWEST, POINTS))
+        count = int(np.clip(PRODUCTS / n**3, 16, 200))
         t = np.interp(np.linspace(0, len(run.t) - 1, count), np.arange(len(run.t)), run.t)
         states = run.at(t).T
     else:

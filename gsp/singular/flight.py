@@ -23,11 +23,6 @@ from gsp.sliding.sharpened import sharpened
 from gsp.splitting.switches import without_switches
 from gsp.systems.system import SlowFastSystem, VectorField
 
-# A flight crosses the surface so often at most.
-CROSSINGS = 100
-# Sheets are looked for between so many places, even in the angle whose tangent is v.
-PLACES = 4096
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight:
@@ -71,7 +66,8 @@ class Flights:
         side = 1 if beyond > point[self._switch.fast.name] else -1
         state, t = self._on_surface(point), 0.0
         runs: list[Trajectory] = []
-        while len(runs) < CROSSINGS:
+        # A flight crosses the surface so often at most.
+        while len(runs) < 100:
             run = trajectory_of(
                 self._flows[side],
                 start=state,
@@ -114,7 +110,8 @@ class Flights:
         def rate(angle: float) -> float:
             return float(self._layer(np.array([*x, np.tan(angle)]), constants)[0])
 
-        angles = side * np.linspace(np.pi / 2, -np.pi / 2, PLACES + 1)[1:-1]
+        # Sheets are looked for between 4096 places, even in the angle whose tangent is v.
+        angles = side * np.linspace(np.pi / 2, -np.pi / 2, 4097)[1:-1]
         points = np.column_stack([np.tile(x, (angles.size, 1)), np.tan(angles)])
         rates = self._layer(points, constants)[:, 0]
         stops = np.flatnonzero(np.sign(rates) == side)

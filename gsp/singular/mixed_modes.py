@@ -23,9 +23,6 @@ from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_number, shown
 from gsp.systems.flow import Flow, Point
 
-# Neighbours in size that differ by this factor are of different kind; less is one kind of swing, changing slowly.
-GAP = 3.0
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MixedMode(Drawn, Tabular):
@@ -129,7 +126,8 @@ def _large(sizes: np.ndarray) -> np.ndarray:
     ordered = np.sort(sizes)
     ratios = ordered[1:] / ordered[:-1]
     widest = int(np.argmax(ratios))
-    if ratios[widest] < GAP:
+    # Neighbours in size that differ by this factor are of different kind; less is one kind of swing, changing slowly.
+    if ratios[widest] < 3.0:
         return np.ones(sizes.size, dtype=bool)
     return sizes > np.sqrt(ordered[widest] * ordered[widest + 1])
 

@@ -46,7 +46,6 @@ ATOL = 0.01 * RTOL
 PATIENCE = 1e4
 # An orbit closes when a drop lands where an earlier one did, to this, relative to the states' sizes.
 CLOSED = 1e-8
-MAX_PIECES = 200
 # Landing points are shifted by so much, relative to the states' sizes, to carry the shifts of folds around the orbit.
 SHIFT = 1e-5
 
@@ -154,7 +153,7 @@ def singular_orbit(
     *,
     switched: VectorField | None = None,
     progress: Callable[[int], object] | None = None,
-    max_pieces: int = MAX_PIECES,
+    max_pieces: int = 200,
 ) -> SingularOrbit:
     """The singular orbit from the sheet of `branch` through `start`, which names every state of the system.
 

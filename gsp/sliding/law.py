@@ -36,8 +36,6 @@ LAWS: Mapping[str, sp.Expr] = MappingProxyType(
         "stribeck": W / sp.sqrt(1 + W**2) + W / (1 + W**2),
     }
 )
-# Peaks are looked for between so many places, even in the angle whose tangent is w.
-PLACES = 256
 # A tail is measured at these two distances, in so many digits, and is a power where both agree on it to this.
 FAR, DIGITS, AGREEMENT = (sp.Integer(10) ** 10, sp.Integer(10) ** 12), 60, 1e-6
 # Powers are fractions of whole numbers this small; two of them differ by more than what is measured.
@@ -217,7 +215,8 @@ def _peak(inner: sp.Expr, symbol: sp.Symbol, first: float, last: float) -> tuple
     def value(angle: float) -> float:
         return float(sp.N(slope.xreplace({symbol: sp.Float(tan(angle), 30)}), 20))
 
-    angles = np.linspace(np.arctan(first), np.arctan(last) if last < inf else pi / 2, PLACES + 1)[1:-1]
+    # Peaks are looked for between 256 places, even in the angle whose tangent is w.
+    angles = np.linspace(np.arctan(first), np.arctan(last) if last < inf else pi / 2, 257)[1:-1]
     values = [value(float(angle)) for angle in angles]
     for k in range(1, len(values)):
         if values[k - 1] > 0.0 > values[k]:

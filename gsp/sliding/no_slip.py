@@ -27,7 +27,6 @@ from gsp.systems.system import VectorField
 
 # Runs are looked at so often in each step; a start slips above this share of its fastest velocity.
 BETWEEN, SLIPPING = 8, 1e-9
-RTOL, ATOL = 1e-11, 1e-13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -227,7 +226,7 @@ class Contacts:
         high = _bears(law)
         events, functions = self._events
         run, is_clear = run_to_event(
-            flow, start=values, span=span, rtol=RTOL, atol=ATOL, events=events, functions=functions
+            flow, start=values, span=span, rtol=1e-11, atol=1e-13, events=events, functions=functions
         )
         t = run.t[:1]
         if run.t.size > 1:

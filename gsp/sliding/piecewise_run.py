@@ -31,8 +31,6 @@ from gsp.sliding.piecewise_field import PiecewiseField
 from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.flow import Point, complete
 
-# More pieces are not run: orbits that spiral into a two-fold cross for ever.
-MAX_PIECES = 1000
 # A start is on the surface within the rounding of the surface's own terms.
 ROUNDING = 8.0 * np.finfo(float).eps
 
@@ -109,7 +107,8 @@ def run_piecewise(
     phi: str | sp.Expr | SwitchLaw = "linear",
     rtol: float = 1e-10,
     atol: float = 1e-12,
-    max_pieces: int = MAX_PIECES,
+    # Orbits that spiral into a two-fold cross for ever.
+    max_pieces: int = 1000,
 ) -> PiecewiseRun:
     """The run from `start` over `span` in the limit of a sharp switch: crossing, sliding and leaving by events.
 

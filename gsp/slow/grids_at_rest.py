@@ -21,8 +21,6 @@ FIRST_SIZE = {1: 17, 2: 9, 3: 9}
 LARGEST_SIZE = {1: 1025, 2: 129, 3: 33}
 # Shares of the tolerance: of the last coefficients, below which the degree is high enough, and of those left out.
 ROUGH, CHOPPED = 0.1, 0.01
-# Where as many points as may be solved for leave this share of M0 unresolved, no segment is solved.
-HOPELESS = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +36,10 @@ class Rest:
 
 
 def coarse_rest(branch: Branch, intervals: np.ndarray, allowed: Callable[[list[int]], bool]) -> Rest | None:
-    """M0 on the last grid that is allowed where that leaves `HOPELESS` of it; None where one resolves it, or where M0
+    """M0 on the last grid that is allowed where that leaves too much of it; None where one resolves it, or where M0
     has no point somewhere over `intervals` (d, 2)."""
-    for rest in _refined(branch, intervals, HOPELESS):
+    # Where as many points as may be solved for leave this share of M0 unresolved, no segment is solved.
+    for rest in _refined(branch, intervals, 1e-2):
         if not rest.rough.any():
             return None
         finer = doubled(rest.sizes, rest.rough)

@@ -34,11 +34,10 @@ RULES = Rules(30, 1e-15, 1e-8, stagnant=0.5, growth=2.0, setbacks=3, longest=1.0
 SHORTEST, LONGEST = 12.0, 60.0
 # Fractions of epsilon along which a segment that fails is approached.
 LADDER = (1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 0.7, 0.85, 1.0)
-# Share of the tolerance that may come from where a segment begins, and how often it is lengthened for that.
+# Share of the tolerance that may come from where a segment begins, which is lengthened for that.
 SHARE = 0.1
-EXTENSIONS = 2
-# What is left of a segment's length when it fails or comes out badly, and how often it is shortened.
-RETREAT, RETREATS = 0.8, 7
+# What is left of a segment's length when it fails or comes out badly.
+RETREAT = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +97,7 @@ class SegmentSolver:
         drift = np.max([track.drift for track in first], axis=0)
         goal = np.clip(np.log(np.maximum(drift, 1e-300) / (SHARE * SHARE * self.tolerance)), SHORTEST, LONGEST)
         result = self._attempt(x, y, goal)
-        for _ in range(EXTENSIONS):
+        for _ in range(2):
             # A longer segment only where this one was solved: what failed is too long already.
             short = np.isfinite(result.selection) & (result.selection > SHARE * self.tolerance)
             short &= ~result.is_cut_short & (goal < LONGEST)
@@ -109,7 +108,7 @@ class SegmentSolver:
             _replace(result, short, self._attempt(x[short], y[short], goal[short]))
         goal = np.minimum(goal, result.decayed)
         hopeful = np.ones(len(x), dtype=bool)
-        for _ in range(RETREATS):
+        for _ in range(7):
             # An orbit on its way to a fold, say: a shorter segment may be solved where the whole one is not, or badly.
             failed = np.array([not status.ok for status in result.status])
             poor = failed | (hopeful & result.is_cut_short & (result.error > self.tolerance))

@@ -18,15 +18,7 @@ from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 LEFT = 0
 # Powers of e by which the slowest direction decays on one element: Gauss points resolve that.
 DECAY = 5.0
-# An element is not longer than this over the slow rate, and x does not move by more than this share of 1 + |x|.
-SLOW = 1.0
-REACH = 0.5
-# In the middle of an element y is within this share of 1 + |y| of the cubic through its ends: an element does not leap
-# over a pole of the branch, on whose other side another slow manifold lies.
-BENDING = 0.1
-LARGEST, ATTEMPTS = 48, 64
-# Norms are balanced until a sweep over the variables makes them less by no more than this share.
-BALANCED, SWEEPS = 1e-3, 100
+LARGEST = 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +104,9 @@ class _CriticalFlow:
         rise_end = _fast_slopes(self, z_end, self.jacobian(z_end))
         cubic = 0.5 * (y + y_end) + h[:, None] / 8 * (rise - rise_end)
         bend = np.linalg.norm(middle - cubic, axis=1)
-        return end, y_end, good & found & (bend <= BENDING * (1.0 + np.linalg.norm(middle, axis=1)))
+        # In the middle of an element y is within this share of 1 + |y| of the cubic through its ends: an element does
+        # not leap over a pole of the branch, on whose other side another slow manifold lies.
+        return end, y_end, good & found & (bend <= 0.1 * (1.0 + np.linalg.norm(middle, axis=1)))
 
 
 def follow_slow_flow(
@@ -145,7 +139,7 @@ def follow_slow_flow(
     states, lengths = np.empty((k, LARGEST + 1, flow.n)), np.zeros((k, LARGEST))
     states[:, 0] = z
     fastest = np.zeros(k)
-    for _ in range(ATTEMPTS):
+    for _ in range(64):
         active = alive & (decayed < goal) & (counts < LARGEST)
         if not active.any():
             break
@@ -157,8 +151,9 @@ def follow_slow_flow(
         f = flow.rates(z)
         with np.errstate(divide="ignore", invalid="ignore"):
             h = np.minimum(DECAY, goal - decayed + 0.5) * epsilon / gap
-            h = np.minimum(h, SLOW / _least_norms(slow))
-            h = shares * np.minimum(h, REACH * (1.0 + np.linalg.norm(x, axis=1)) / np.linalg.norm(f, axis=1))
+            h = np.minimum(h, 1.0 / _least_norms(slow))
+            # An element is not longer than 1 over the slow rate, and x does not move by more than half of 1 + |x|.
+            h = shares * np.minimum(h, 0.5 * (1.0 + np.linalg.norm(x, axis=1)) / np.linalg.norm(f, axis=1))
         rows = np.flatnonzero(active)
         x_new, y_new, good = flow.step(x[rows], y[rows], sign * h[rows])
         z_new = np.hstack([x_new, y_new])
@@ -202,7 +197,7 @@ def _least_norms(matrices: np.ndarray) -> np.ndarray:
     n = matrices.shape[-1]
     own = np.einsum("kii->k", squares)
     squares[:, range(n), range(n)] = 0.0
-    for _ in range(SWEEPS if n > 1 else 0):
+    for _ in range(100 if n > 1 else 0):
         before = squares.sum(axis=(1, 2))
         for i in range(n):
             row, column = squares[:, i].sum(axis=1), squares[:, :, i].sum(axis=1)
@@ -211,7 +206,8 @@ def _least_norms(matrices: np.ndarray) -> np.ndarray:
             ratio = np.sqrt(np.where(coupled, column, 1.0) / np.where(coupled, row, 1.0))[:, None]
             squares[:, i] *= np.where(coupled[:, None], ratio, 0.0)
             squares[:, :, i] *= np.where(coupled[:, None], 1.0 / ratio, 0.0)
-        if (squares.sum(axis=(1, 2)) >= (1.0 - BALANCED) * before).all():
+        # Norms are balanced until a sweep over the variables makes them less by no more than this share.
+        if (squares.sum(axis=(1, 2)) >= (1.0 - 1e-3) * before).all():
             break
     return np.sqrt(own + squares.sum(axis=(1, 2)))
 

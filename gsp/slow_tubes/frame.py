@@ -13,8 +13,6 @@ from gsp.proofs.spectrum import WORST_CONDITION, largest_modulus, least_eigenval
 from gsp.slow_tubes.ball_vectors import row, times
 from gsp.slow_tubes.isolation import norm
 
-# A frame is kept while the norm in it shrinks at this share of the rate that the eigenvalues have.
-SHARE = 0.8
 BALL = balls.hull(-1.0, 1.0)
 
 
@@ -55,7 +53,8 @@ def framed(frame: FibreBasis, B: arb_mat) -> tuple[FibreBasis, float]:
         return frame, decay
     middle = np.array([[float(B[i, j].mid()) for j in range(m)] for i in range(m)])
     values, vectors = np.linalg.eig(middle)
-    if decay >= SHARE * -float(np.real(values).max()):
+    # A frame is kept while the norm in it shrinks at this share of the rate that the eigenvalues have.
+    if decay >= 0.8 * -float(np.real(values).max()):
         return frame, decay
     columns = []
     for value, vector in zip(values, vectors.T):

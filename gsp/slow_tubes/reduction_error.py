@@ -35,11 +35,8 @@ from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.flow import check_epsilon, values_by_name
 from gsp.systems.region import check_interval
 
-# Steps of the error over the span; its own error falls with their square.
-STEPS = 200
-# In the layer a step turns or shrinks z by this, while z is as large as at the start; and is at least this share of the
-# time since.
-GRADED, LEAST = 0.05, 0.0125
+# In the layer a step turns or shrinks z by this, while z is as large as at the start.
+GRADED = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,7 +75,7 @@ def bound_reduction(
     span: tuple[float, float],
     epsilon: float,
     reduced_start: Mapping[str, float] | None = None,
-    steps: int = STEPS,
+    steps: int = 200,
 ) -> ReductionBound:
     """Prove a bound on |full - reduced| over `span` for the reduced flow of an attracting `series`.
 
@@ -211,7 +208,8 @@ class _Run:
         unit, decay = small / float(np.abs(values).max()), -float(np.real(values).max()) / small
 
         def longest(t: float) -> float:
-            return max(GRADED * unit * math.exp(min(0.5 * decay * t, 700.0)), LEAST * (t + unit))
+            # A step is at least a share of the time since the start.
+            return max(GRADED * unit * math.exp(min(0.5 * decay * t, 700.0)), 0.0125 * (t + unit))
 
         return longest
 

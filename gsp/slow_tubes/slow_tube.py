@@ -42,8 +42,6 @@ from gsp.systems.scattered_points import halton
 LARGEST_RATIO = 2.0
 # It is found to this share.
 RESOLUTION = 1.02
-# Points at which what is left of a residual is looked at.
-POINTS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +181,8 @@ class _TubeSearch:
     def _points(self) -> Iterator[list[arb]]:
         """Some points of the region."""
         low, high = np.array([self.box[s.name] for s in self.x]).T
-        for point in low + halton(len(low), POINTS) * (high - low):
+        # Points at which what is left of a residual is looked at.
+        for point in low + halton(len(low), 8) * (high - low):
             yield [arb(float(v)) for v in point]
 
     # -- what is looked for ------------------------------------------------------------------------

@@ -20,13 +20,8 @@ from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import NARROWEST, Isolation, Tally, norm
 from gsp.slow_tubes.solved_flow import SolvedFlow
 
-# Shares of the least tube that sampling suggests, tried in this order.
-SHARES = (1.005, 1.02, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 # The width of a tube is found to this share.
 NARROW = 1.005
-# Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
-# The steep ones come first: they hang least on how rho bends, and take the fewest boxes.
-UNSCALED_SLOPES, SLOPES = (1.0, 0.5, 0.25), (16.0, 4.0, 2.0)
 # A collar, where one is needed, takes this share of a side of the region at most, both ends together: something is
 # left, also where a file claims a tenth more, and half of the side in a search for the largest epsilon. It is then
 # made narrower, down to a share of that, the last time by more than FINEST.
@@ -161,7 +156,8 @@ class TubeSearch:
         if shape is None:
             return known
         low, high = 1.0, math.inf
-        for share in SHARES:
+        # Shares of the least tube that sampling suggests, tried in this order.
+        for share in (1.005, 1.02, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0):
             if isolation.faces(share * shape):
                 high = share
                 break
@@ -223,7 +219,11 @@ class TubeSearch:
             collar = max(2.0 * self.fastest(isolation, widths) / (share * narrowest), sys.float_info.min)
         slaved = isolation.steepness(self._samples((epsilon,)))
         unscaled = epsilon ** -(self.invariance.order + 1)
-        slopes = [s * unscaled for s in UNSCALED_SLOPES] + [s * slaved for s in SLOPES if slaved > 0.0]
+        # Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
+        # The steep ones come first: they hang least on how rho bends, and take the fewest boxes.
+        slopes = [s * unscaled for s in (1.0, 0.5, 0.25)] + [
+            s * slaved for s in (16.0, 4.0, 2.0) if slaved > 0.0
+        ]
         slopes = slopes[min(first, len(slopes) - 1) :]
         for place, slope in enumerate(slopes, start=first):
             if self._hold(isolation, widths, slope, collar):

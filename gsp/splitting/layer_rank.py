@@ -19,11 +19,8 @@ from gsp.lowering.compiled_function import compile_over
 from gsp.splitting.fast_part import jacobian, shown
 from gsp.systems.system import VectorField
 
-# Random starts, Gauss-Newton steps and tolerances in the search for equilibria of the layer problem.
+# Random starts and tolerances in the search for equilibria of the layer problem.
 SEARCH_STARTS = 64
-SEARCH_STEPS = 60
-# Where that finds nothing, so many sets of units are tried for the states, over these decades, from fewer starts each.
-UNITS, DECADES, STARTS_IN_UNITS = 32, (-12.0, 16.0), 8
 SEARCH_TOLERANCE = 1e-10
 RANK_TOLERANCE = 1e-7
 
@@ -127,10 +124,10 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
 
     def in_units() -> Iterator[list[list[np.ndarray]]]:
         """The blocks of DL at the zeros that are found, the states in units that are drawn, and in these units."""
-        # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre.
-        for _ in range(UNITS):
-            units = 10.0 ** random.uniform(*DECADES, len(states))
-            yield list(_matrices_in_units(z[:: SEARCH_STARTS // STARTS_IN_UNITS], units, compiled, p, blocks))
+        # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre. From fewer starts each.
+        for _ in range(32):
+            units = 10.0 ** random.uniform(-12.0, 16.0, len(states))
+            yield list(_matrices_in_units(z[:: SEARCH_STARTS // 8], units, compiled, p, blocks))
 
     for there in in_units() if not found else ():
         found = [ranks for matrix in there for ranks in _ranks(matrix, _by_rows)]
@@ -261,7 +258,7 @@ def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:
 
 def _equilibrium(start: np.ndarray, compiled, p: np.ndarray, blocks: Blocks) -> tuple[np.ndarray, bool]:
     z = start.copy()
-    for _ in range(SEARCH_STEPS):
+    for _ in range(60):
         value = compiled[0](z, p)
         if not np.isfinite(value).all():
             return z, False

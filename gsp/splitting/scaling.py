@@ -32,10 +32,8 @@ from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Portable, Values
 from gsp.systems.system import VectorField
 
-# Exponents are counted in halves of a power, up to mu^2 either way, of so many variables at once.
-HALVES = (-1, 1, -2, 2, -3, 3, -4, 4)
-# Exponents and powers of terms that are looked at, 32 MB of them; so many choices of the best are tried.
-NUMBERS, TRIED = 4_000_000, 12
+# Exponents and powers of terms that are looked at, 32 MB of them.
+NUMBERS = 4_000_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -204,7 +202,8 @@ def _choices(n: int, fixed: frozenset[int], most: int) -> np.ndarray:
     free = [i for i in range(n) if i not in fixed]
     rows = [np.zeros((1, n), dtype=int)]
     for size in range(1, min(4, len(free)) + 1):
-        values = np.array(list(itertools.product(HALVES, repeat=size)))
+        # Exponents are counted in halves of a power, up to mu^2 either way, of so many variables at once.
+        values = np.array(list(itertools.product((-1, 1, -2, 2, -3, 3, -4, 4), repeat=size)))
         for chosen in itertools.combinations(free, size):
             most -= len(values)
             if most < 0:
@@ -253,7 +252,7 @@ def _scaled(field: VectorField, changed: _Coordinates, terms: _Terms) -> Iterato
             limits.append(kept[i])
             if not _is_given(scaling):
                 yield scaling
-        if tried == TRIED:
+        if tried == 12:
             return
 
 

@@ -65,16 +65,13 @@ _SOURCES = {
     "DelayedExit": "Use entry_exit(branch, start=...).",
     "Analysis": "Use analyse(scene).",
 }
-# The longest text of a value that a message shows.
-_SHOWN = 200
-_DIGITS = 40
 
 
 def shown(value: object) -> str:
     """`value` as a message shows it: short, on one line, whatever it is."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
-    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**_DIGITS:
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**40:
         sign = "a negative integer" if value < 0 else "an integer"
         return f"{sign} of {value.bit_length()} bits"
     if value is np.ma.masked:
@@ -93,7 +90,8 @@ def shown(value: object) -> str:
         # Numbers too long for text inside a list, or an object of somebody else that cannot be shown.
         text = f"a {type(value).__name__}"
     text = " ".join(text.split())
-    return text if len(text) <= _SHOWN else reprlib.repr(text)[1:-1]
+    # The longest text of a value that a message shows.
+    return text if len(text) <= 200 else reprlib.repr(text)[1:-1]
 
 
 def check_noun(value: Any, kinds: type | tuple[type, ...], *, verb: str) -> None:

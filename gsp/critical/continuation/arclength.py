@@ -18,14 +18,10 @@ from gsp.tracing import arclength
 from gsp.tracing.arclength import Arrival, Pace, Stride
 from gsp.tracing.newton import Rules, newton
 
-# Corrections of a step: at most this many, and this many aimed at.
-CORRECTIONS = 8
+# Corrections of a step that are aimed at.
 AIM = 3
 # Largest angle between neighbouring tangents, and the one aimed at, in radians; no pedigree but many curves tried.
 LARGEST_ANGLE = 0.3
-AIM_ANGLE = 0.12
-# A correction of so many scales leads nowhere.
-LOST = 1e3
 # Points nearer than this, in scaled units, are one: a curve that comes so near its start is closed.
 SAME_PLACE = 1e-6
 
@@ -110,9 +106,7 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
         self.controls = controls
         self.most = controls.max_points
         # The step fails below this share of the largest one.
-        self.pace = Pace(
-            controls.step, controls.max_step, 1e-8 * controls.max_step, AIM, AIM_ANGLE, LARGEST_ANGLE
-        )
+        self.pace = Pace(controls.step, controls.max_step, 1e-8 * controls.max_step, AIM, 0.12, LARGEST_ANGLE)
         self.refresh = refresh
         self.find: Finder | None = None
         self.progress = progress
@@ -146,7 +140,8 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
             return np.linalg.solve(matrix, np.append(value / size, normal @ ((u - anchor) / self.scales)))
 
         def moved(u: np.ndarray, step: np.ndarray, _: float) -> np.ndarray | None:
-            if not float(np.abs(step).max()) < LOST:
+            # A correction of so many scales leads nowhere.
+            if not float(np.abs(step).max()) < 1e3:
                 return None
             self.counters.corrections += 1
             return u - self.scales * step
@@ -154,9 +149,7 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
         def length(step: np.ndarray, u: np.ndarray) -> float:
             return float(np.abs(step).max()) / (1.0 + float(np.abs(u / self.scales - step).max()))
 
-        found = newton(
-            u, step_of, length=length, moved=moved, rules=Rules(CORRECTIONS, self.controls.tolerance)
-        )
+        found = newton(u, step_of, length=length, moved=moved, rules=Rules(8, self.controls.tolerance))
         return (found.point, found.iterations) if found.status.ok else None
 
     def tangent(self, u: np.ndarray, along: np.ndarray) -> np.ndarray:

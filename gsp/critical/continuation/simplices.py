@@ -15,8 +15,6 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-# The surface is shifted by this share of |F|, differently in each component, off nodes that it passes exactly.
-SHIFT = 1e-9
 # Cubes at one end of an axis are longer than those at the other by twice this share; no pedigree.
 WARP = 0.0437
 
@@ -174,7 +172,8 @@ def _crossings(
     sizes = np.abs(values[finite]).reshape(-1, n) if finite.any() else np.ones((1, n))
     usual = np.median(sizes, axis=0)
     size = np.where(usual > 0.0, usual, sizes.max(axis=0))
-    values = values - SHIFT * size * np.sqrt(np.arange(2, n + 2))
+    # The surface is shifted by this share of |F|, differently in each component, off nodes that it passes exactly.
+    values = values - 1e-9 * size * np.sqrt(np.arange(2, n + 2))
     # A face is crossed only where every component has both signs at its corners: one in hundreds for four of them.
     signs = ((values > 0.0) << np.arange(n)).sum(axis=2).astype(np.uint8)[:, table.faces]
     both = np.bitwise_or.reduce(signs, axis=2) & ~np.bitwise_and.reduce(signs, axis=2)

@@ -24,8 +24,6 @@ from gsp.systems.region import Interval, is_within
 ZERO_EIGENVALUE = 1e-6
 # A tangent counts as vertical when its free component is below this, in scaled units.
 VERTICAL = 1e-6
-# g_u near a place and so many steps before it: where it grows to that many times its size the field has a pole.
-FURTHER, POLE = 100.0, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +259,9 @@ class BranchPoints:
 
     def _is_pole(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Whether g_u grows towards the place between a and b, where at a branch point its rank falls."""
-        near, far = (float(np.linalg.norm(self.problem.jacobian(u))) for u in (a, a + FURTHER * (a - b)))
-        return not near < POLE * far
+        near, far = (float(np.linalg.norm(self.problem.jacobian(u))) for u in (a, a + 100.0 * (a - b)))
+        # g_u is looked at near a place and a hundred steps before it: where it grows tenfold the field has a pole.
+        return not near < 10.0 * far
 
     def _moore(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         problem, scales, n = self.problem, self.tracer.scales, self.problem.size

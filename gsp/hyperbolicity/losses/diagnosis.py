@@ -27,7 +27,6 @@ from gsp.systems.region import Interval
 
 # Losses nearer than this to an edge of the region, relative to its width, are on the edge.
 EDGE = 1e-7
-TYPICAL = 65
 
 
 class Found(NamedTuple):
@@ -78,7 +77,7 @@ class Diagnosis:
         self.problem = LayerProblem(system, tuple(system.x), fixed)
         self.nx = len(system.x)
         self.widths = np.array([box[s.name][1] - box[s.name][0] for s in system.x])
-        chosen = np.linspace(0, len(samples) - 1, min(len(samples), TYPICAL)).astype(int)
+        chosen = np.linspace(0, len(samples) - 1, min(len(samples), 65)).astype(int)
         self.samples = samples[chosen]
 
     @cached_property

@@ -21,9 +21,6 @@ from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import ZERO_TOLERANCE, Locator
 
-# Ends that are located, and halvings for each: to give a sheet up is slow.
-ENDS = 2
-HALVINGS = 24
 # A switching function is zero at an end below this, relative to its size over the samples.
 AT_END = 1e-4
 
@@ -51,7 +48,8 @@ def ends_on_grid(z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> list[Pair]:
 
 
 def _spread(pairs: Sequence[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
-    return [pairs[int(i)] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), ENDS))]
+    # Two ends are located: to give a sheet up is slow.
+    return [pairs[int(i)] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), 2))]
 
 
 def sheet_ends(diagnosis: Diagnosis, pairs: Sequence[Pair]) -> list[Loss]:
@@ -105,7 +103,7 @@ def _least(diagnosis: Diagnosis, z: np.ndarray) -> float:
 def _end(diagnosis: Diagnosis, low: np.ndarray, high_x: np.ndarray) -> np.ndarray:
     """The last point of the sheet of `low` on the way to `high_x`, by bisection."""
     nx = diagnosis.nx
-    for _ in range(HALVINGS):
+    for _ in range(24):
         x = 0.5 * (low[:nx] + high_x)
         y, good = diagnosis.sampler.over(x[None, :], low[None, :])
         if good[0]:

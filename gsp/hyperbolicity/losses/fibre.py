@@ -16,9 +16,6 @@ import numpy as np
 
 from gsp.critical.layer_problem import LayerProblem
 
-STEPS = 30
-# It is measured over distances that shrink by 4; the one whose order is nearest to a whole number counts.
-LEVELS = 4
 ROUNDED = 0.1
 
 
@@ -55,7 +52,7 @@ def bifurcation_function(
     k, n, m = len(problem.free), problem.size, right.shape[1]
     x, start = z[:k], z[k:]
     y, t = start + right @ s, np.zeros(m)
-    for _ in range(STEPS):
+    for _ in range(30):
         u = np.concatenate([x, y])
         value = np.concatenate([problem.residual(u) - left @ t, right.T @ (y - start) - s])
         matrix = np.block([[problem.jacobian(u)[:, k:], -left], [right.T, np.zeros((m, m))]])
@@ -85,7 +82,8 @@ def order_along(
     # phi is zero along the fibre when it is below this, relative to the size of g nearby.
     noise = 1e-11 * max(typical, 1e-300) * abs(weight)
     best: tuple[float, FibreOrder] | None = None
-    for level in range(LEVELS):
+    # The order is measured over distances that shrink by 4; the one whose order is nearest to a whole number counts.
+    for level in range(4):
         sizes = width * 0.25**level * np.array([1.0, 0.5])
         values = _values(problem, z, right, left, sizes, weight)
         if values is None:

@@ -34,8 +34,6 @@ SAME = 1e-6
 # Continuation steps that one search for the least gap may take. A point that the sheet reaches costs one to 21, one
 # beyond a fold about 80, because the sheet is followed up to the fold each time.
 SEARCH_STEPS = 1250
-# How near in x the least gap is found, and with many fast variables as a share of the region.
-NEAR, NEAR_OF_LARGE = 1e-10, 1e-4
 # Neutral saddles that are looked at.
 SUMS = 6
 
@@ -287,6 +285,7 @@ class Locator:
                     return float(((1 if count else -1) * np.real(sampler.followed(point[0], near))).min())
                 return float(signed_gap(sampler.eigenvalues(point), np.array([count]))[0])
 
+            # How near in x the least gap is found, and with many fast variables as a share of the region.
             found: Any = minimize(
                 distance,
                 z[:nx],
@@ -294,7 +293,7 @@ class Locator:
                 bounds=bounds,
                 options={
                     "maxfev": 60 * nx,
-                    "xatol": NEAR_OF_LARGE * float(widths.min()) if sampler.is_large else NEAR,
+                    "xatol": 1e-4 * float(widths.min()) if sampler.is_large else 1e-10,
                 },
             )
             is_incomplete = is_incomplete or allowance.spent

@@ -14,10 +14,6 @@ from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
 from gsp.systems.region import Interval
 
-# Distances from a pole at which the field is compared, relative to units + |z|, and how much it has grown: a simple
-# pole by their quotient.
-NEAR_POLE = (1e-4, 1e-7)
-GROWN = 100.0
 # With many fast variables: how many samples further the tangent may put a zero. Before a simple zero it is one, before
 # one at which the sheet folds two.
 REACH = 2.0
@@ -83,7 +79,7 @@ def poles(
             grows = (
                 _is_pole(heights, place[:nx], units[:nx], 5.0)
                 if crossing is Contact.BRANCH_POLE
-                else _is_pole(sampler.rates, place, units, GROWN)
+                else _is_pole(sampler.rates, place, units, 100.0)
             )
             if grows:
                 yield place, crossing, free
@@ -159,7 +155,9 @@ def _is_pole(
     Where they are real nowhere around `z` they do not: next to a zero of its argument's denominator atanh has no value.
     """
     directions = np.random.default_rng(0).standard_normal((2 * len(z) + 2, len(z))) * (units + np.abs(z))
-    far, near = (np.abs(values(z + distance * directions)).max(axis=1) for distance in NEAR_POLE)
+    # Distances from a pole at which the field is compared, relative to units + |z|, and how much it has grown: a
+    # simple pole by their quotient.
+    far, near = (np.abs(values(z + distance * directions)).max(axis=1) for distance in (1e-4, 1e-7))
     lost = np.isnan(near) & np.isfinite(far)
     return bool((np.isinf(near) | lost | (near > grown * far)).any())
 

@@ -33,8 +33,6 @@ from gsp.hyperbolicity.losses.roots import gauss_newton
 ENDS = (LossKind.DEGENERATE, LossKind.NON_SMOOTH, LossKind.DOMAIN_END, LossKind.BRANCH_POLE)
 # A sheet that is followed to v = 10 ends within this share of the region of where its law does.
 NEAR = 1e-2
-# Places that are one.
-SAME = 1e-6
 # How far from a whole number the contact order may be read off.
 WHOLE = 0.1
 # Rates that are zero beside the other terms.
@@ -64,8 +62,9 @@ def named_by_switch(
         z = np.array([loss.point[s.name] for s in states])
         found = _fold(diagnosis, columns, z, NEAR) if loss.kind in ENDS else None
         if loss.kind in (LossKind.FOLD, LossKind.CUSP, LossKind.RANK_CHANGE):
-            # A law that is flat or bends no more at its end, and fields that are tangent to the surface at one place.
-            found = _fold(diagnosis, columns, z, SAME)
+            # A law that is flat or bends no more at its end, and fields that are tangent to the surface at one place:
+            # places this near are one.
+            found = _fold(diagnosis, columns, z, 1e-6)
         if found is not None:
             folds.append(found)
         elif loss.kind is LossKind.FOLD:

@@ -18,8 +18,6 @@ from gsp.systems.region import Interval, with_sides
 MARGIN = 0.02
 TRIED = 6
 LEAST = 0.02
-# Every so many points of the grid over a part are followed before the part is judged.
-STRIDE = 8
 PREFERRED = "attracting"
 
 
@@ -81,7 +79,8 @@ def _is_graph(branch: Branch, part: Mapping[str, Interval]) -> bool:
     A fold may pass through a part in a direction along which no part is cut: then the searches of a whole judgement,
     most of them beyond the fold, come to nothing.
     """
-    x = grid(np.array([part[s.name] for s in branch.system.x]))[::STRIDE]
+    # Every so many points of the grid over a part are followed before the part is judged.
+    x = grid(np.array([part[s.name] for s in branch.system.x]))[::8]
     return bool(Sampler(branch).over(x, None)[1].all())
 
 

@@ -17,12 +17,10 @@ from gsp.hyperbolicity.losses.roots import gauss_newton
 
 # A switching function is zero on the branch below this, relative to its largest value over the samples.
 ZERO_SWITCH = 1e-12
-# Distance from the surface at which the two sides are compared, and the share that counts as a jump.
+# Distance from the surface at which the two sides are compared.
 SIDE = 1e-6
-JUMP = 1e-3
-# A Jacobian is unbounded when it grows so much at every step so much nearer to the surface.
-NEARER, GROWS = 1e-2, 2.0
-STARTS = 6
+# Each step is so much nearer to the surface.
+NEARER = 1e-2
 
 
 def meetings(
@@ -73,7 +71,7 @@ def _located(
     points = [_bisected(diagnosis, values, a[chosen], b[chosen])] if len(chosen) else []
     points.append(z[np.abs(sizes) <= ZERO_SWITCH * largest][:24])
     if not sum(map(len, points)):
-        points.append(_touched(diagnosis, switch, values, z[np.argsort(np.abs(sizes))[:STARTS]]))
+        points.append(_touched(diagnosis, switch, values, z[np.argsort(np.abs(sizes))[:6]]))
     return np.vstack(points), False
 
 
@@ -171,7 +169,8 @@ def _grows(diagnosis: Diagnosis, z: np.ndarray, step: np.ndarray) -> bool:
             np.array([z + share * side for share in (1.0, NEARER, NEARER**2)])
         )
         sizes = np.abs(jacobians).max(axis=tuple(range(1, jacobians.ndim)))
-        if np.isfinite(sizes).all() and (sizes[1:] > GROWS * sizes[:-1]).all():
+        # It is unbounded when it doubles at every step towards the surface.
+        if np.isfinite(sizes).all() and (sizes[1:] > 2.0 * sizes[:-1]).all():
             return True
     return False
 
@@ -191,5 +190,5 @@ def _jumps(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> tuple
     far = float(np.linalg.norm((after - before) / diagnosis.units))
     return (
         float(np.max(jump, initial=0.0, where=jump > 10.0 * size * far * np.sqrt(len(before)))),
-        float(np.max(kink, initial=0.0, where=np.abs(sized[1] - sized[0]).max(axis=1) > JUMP * size)),
+        float(np.max(kink, initial=0.0, where=np.abs(sized[1] - sized[0]).max(axis=1) > 1e-3 * size)),
     )

@@ -22,10 +22,6 @@ from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR
 from gsp.systems.region import Interval
 from gsp.systems.scattered_points import halton
 
-# Slow points and starts over each, in the search for points.
-ROWS = 9
-STARTS = 12
-EXAMINED = 5
 PROBE_STEPS = 400
 
 
@@ -38,9 +34,10 @@ def singular_points(sampler: Sampler, box: Mapping[str, Interval], x: np.ndarray
     if any(s.name not in box for s in system.y):
         return np.empty((0, len(system.states)))
     bounds = np.array([box[s.name] for s in system.y])
-    unit = halton(len(bounds), STARTS)
+    unit = halton(len(bounds), 12)
     starts = bounds[:, 0] + unit * (bounds[:, 1] - bounds[:, 0])
-    rows = x[np.linspace(0, len(x) - 1, min(len(x), ROWS + 2)).astype(int)][1:-1]
+    # Slow points and starts over each, in the search for points.
+    rows = x[np.linspace(0, len(x) - 1, min(len(x), 11)).astype(int)][1:-1]
     found = []
     for row in rows:
         for start in starts:
@@ -85,7 +82,7 @@ def _singular_point(sampler: Sampler, z: np.ndarray, nx: int) -> np.ndarray | No
 
 def degenerate_branch(diagnosis: Diagnosis, points: np.ndarray) -> Loss:
     """The loss of a branch whose g_y is singular at every one of `points` (m, n), as most of a few of them have it."""
-    chosen = points[np.linspace(0, len(points) - 1, min(len(points), EXAMINED) + 2).astype(int)[1:-1]]
+    chosen = points[np.linspace(0, len(points) - 1, min(len(points), 5) + 2).astype(int)[1:-1]]
     matrices = [diagnosis.problem.jacobian(z)[:, diagnosis.nx :] for z in chosen]
     losses = [_degenerate_point(diagnosis, z, A, matrices) for z, A in zip(chosen, matrices)]
     loss_kinds = [loss.kind for loss in losses]

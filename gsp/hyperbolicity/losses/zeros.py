@@ -23,12 +23,8 @@ from gsp.hyperbolicity.losses.kinds import Contact, Loss
 # Singular values and eigenvalues that count as zero, relative to the largest eigenvalue in the region. A double zero
 # spreads like the square root of what its place is off.
 ZERO_SINGULAR = 1e-6
-DOUBLE_ZERO = 1e-4
 # What the place of a branch point may be off, relative to the region.
 OFF = 1e-9
-# Where a cubic coefficient vanishes the place is known to a root of rounding only.
-ZERO_CUBIC = 1e-4
-CUBIC = 3.0
 # Share of the region over which a change of the quadratic form is measured.
 BESIDE = 0.01
 
@@ -42,7 +38,7 @@ def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     values = np.linalg.eigvals(at.A)
     singular = np.linalg.svd(diagnosis.in_units(at.A), compute_uv=False)
     corank = int((singular <= ZERO_SINGULAR * max(diagnosis.scale, singular[0])).sum())
-    near = np.abs(values) <= DOUBLE_ZERO * diagnosis.scale
+    near = np.abs(values) <= 1e-4 * diagnosis.scale
     on_axis = (np.abs(values.real) <= ZERO_SINGULAR * diagnosis.scale) & ~near & (np.abs(values.imag) > 0.0)
     if corank > 1:
         return _degenerate(diagnosis, at, determinant, f"{corank} zero eigenvalues with {corank} null vectors")
@@ -147,7 +143,8 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
         coefficients["c"] = c
         fibre = diagnosis.fibre(at.z, right[:, None], left[:, None], V)
         # A second route to the order: near a zero of higher order c is small, not zero.
-        if cubic > ZERO_CUBIC / ZERO_TERM * is_zero and (fibre is None or fibre.order == CUBIC):
+        # Where a cubic coefficient vanishes the place is known to a root of rounding only.
+        if cubic > 1e-4 / ZERO_TERM * is_zero and (fibre is None or fibre.order == 3.0):
             coefficients |= {"kappa": c * switching**2}
             verdict = consequences.cusp(coefficients, nx)
             test = f"det g_y = {determinant:.3g}, a"

@@ -29,18 +29,14 @@ from gsp.kernels.scan import ON_LOSS, clear_of_zero
 
 # A pair with a real part below this share of its modulus is imaginary.
 IMAGINARY = 1e-6
-# A det g_y that begins below this could fall below the least double without a zero, where no eigenvalue is below
-# a share of the largest that rounding makes.
-LEAST, ROUNDED = 1e-200, 1e-12
-# A sign change of det g_y is a zero when so far before it, as a share of the step, it is below this share.
-BESIDE, SMALL = 1e-9, 1e-3
-# A run is stuck when as many steps as are looked at together take less than this share of the time so far, and grow no
-# smaller: into a fold and other ends they do. Steps that are all alike take so little after 64 million of them.
-STUCK, SMALLER = 1e-6, 0.5
+# A det g_y that begins below this could fall below the least double without a zero.
+LEAST = 1e-200
+# A sign change of det g_y is a zero when it is below this share of its largest value just before.
+SMALL = 1e-3
 ACROSS = "the reduction ends here; integrate the full system across"
-# At a pole g_y or g_x grows by more than this when it is approached from the first to the second share of a step; at a
-# zero that the numerator has too it does not.
-APPROACH, GROWTH = (1e-3, 1e-6), 3.0
+# At a pole g_y or g_x grows threefold when it is approached from the first to the second share of a step; at a zero
+# that the numerator has too it does not.
+APPROACH = (1e-3, 1e-6)
 FOLDED = "the reduction ends here; canards may pass through it, folded_singularities() tells its kind"
 
 
@@ -110,11 +106,14 @@ class Ending:
         """
         steps = np.abs(np.diff(times, prepend=time))
         half = len(steps) // 2
+        # A run is stuck when as many steps as are looked at together take less than this share of the time so far,
+        # and grow no smaller: into a fold and other ends they do. Steps that are all alike take so little after 64
+        # million of them.
         if (
             len(steps) < LOOK
             or np.isin(times, self.stops).any()
-            or steps.sum() > STUCK * abs(times[-1] - self.span[0])
-            or steps[half:].max() < SMALLER * steps[:half].max()
+            or steps.sum() > 1e-6 * abs(times[-1] - self.span[0])
+            or steps[half:].max() < 0.5 * steps[:half].max()
         ):
             return None
         t, y = float(times[-1]), states[-1]
@@ -184,7 +183,7 @@ class Ending:
             tail = self._into(loss, float(times[j]), states[j])
             return Settled(loss.t, loss.state, tail, *self._named(loss), row=j)
         settled = search.refined(column, t, piece)
-        just_before = np.array([settled.t - BESIDE * (piece.times[k + 1] - start)])
+        just_before = np.array([settled.t - 1e-9 * (piece.times[k + 1] - start)])
         beside = abs(self.values(just_before, piece.at(just_before))[0, 0])
         sizes = np.abs(self.values(*search.history(k, piece))[:, 0])
         if not np.isfinite(beside) or beside > SMALL * sizes.max():
@@ -252,7 +251,7 @@ class Ending:
         before = before[(before - piece.times[k]) * length >= 0.0]
         points = self.validity.lift(piece.at(before), self.stepper.p)[:, :-1]
         sizes = np.linalg.norm(self.validity.derivatives(points, self.stepper.p), axis=1)
-        if len(sizes) == len(APPROACH) and sizes[1] <= GROWTH * sizes[0]:
+        if len(sizes) == len(APPROACH) and sizes[1] <= 3.0 * sizes[0]:
             return None
         return self._beyond_domain(settled)
 
@@ -343,7 +342,8 @@ class Ending:
         if not abs(row[0]) < LEAST:
             return
         values = np.abs(eigenvalues(self.validity, self.validity.point(y, self.stepper.p)))
-        if values.min() > ROUNDED * values.max():
+        # Below this share of the largest an eigenvalue is rounding.
+        if values.min() > 1e-12 * values.max():
             raise DeclarationError(
                 f"the determinant of the fast Jacobian of {len(values)} fast variables is too small for a double, "
                 "so that its zeros cannot be watched for.",

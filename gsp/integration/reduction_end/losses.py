@@ -20,14 +20,12 @@ HORIZON = 20.0
 # det g_y crosses zero when its slope there is at least this share of that at the start; where it only tends to zero,
 # its slope does too, and a sign change would be an error of integration.
 TRANSVERSAL = 1e-3
-# The desingularised flow costs little; at these tolerances its errors stay far below TRANSVERSAL.
-INNER_RTOL, INNER_ATOL = 1e-12, 1e-15
 # An equilibrium of the desingularised flow is followed so much further, until det g_y has fallen to this share. M0 does
 # not attract: rounding grows as the inverse of the share, and what one linear step leaves falls as its square.
 LONG_HORIZON = 400.0
 TENDED = 1e-5
 # On the way to an equilibrium the fast variables may fall as a root of det g_y, as at a pitchfork, seldom faster.
-SLOWEST, FASTEST = 0.25, 4.0
+SLOWEST = 0.25
 # What is left there is at most such a share of the way; where M0 has a pole it is as long as the way itself.
 SMALL_STEP = TENDED**SLOWEST
 # At a branch point of M0 the slow variables do not move what has the eigenvalue 0, A g_x = 0; at a folded
@@ -73,12 +71,13 @@ def loss_ahead(
     if not (np.isfinite(slope) and slope * sense * np.sign(value) < 0.0):
         return None
     length = horizon * abs(value / slope) * sense
+    # The desingularised flow costs little; at these tolerances its errors stay far below TRANSVERSAL.
     inner = Stepper(
         compile_flow(validity.desingularised),
         stepper.p,
         Method.DOP853,
-        min(stepper.rtol, INNER_RTOL),
-        min(stepper.atol, INNER_ATOL),
+        min(stepper.rtol, 1e-12),
+        min(stepper.atol, 1e-15),
     )
 
     def above(s: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -134,5 +133,5 @@ def _rest(inner: Stepper, end: np.ndarray, decay: float, fast: slice) -> np.ndar
     bend = inner.compiled.rates(end + SLOWEST * step, inner.p) - moved
     size = float(moved[fast] @ moved[fast])
     if size > 0.0:
-        step[fast] /= np.clip(-float(moved[fast] @ bend[fast]) / (SLOWEST * size), SLOWEST, FASTEST)
+        step[fast] /= np.clip(-float(moved[fast] @ bend[fast]) / (SLOWEST * size), SLOWEST, 4.0)
     return step

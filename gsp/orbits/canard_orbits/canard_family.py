@@ -30,15 +30,9 @@ from gsp.systems.flow import check_epsilon
 from gsp.systems.system import SlowFastSystem
 from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 
-# Arclength, in units of the orbit's extents, the relative time and log epsilon: first, longest and shortest step.
-FIRST, LONGEST, SHORTEST = 0.02, 0.4, 1e-7
-# How much the orbit between its ends counts in arclength; where it grows an excursion nothing else changes.
-INSIDE = 4.0
-# Largest angle between tangents, Newton steps aimed at on the mesh of the guess, and how much longer a step may get.
-LARGEST_ANGLE, AIM, GROWTH = 0.4, 6, 1.4
-PACE = Pace(FIRST, LONGEST, SHORTEST, AIM, largest_turn=LARGEST_ANGLE, growth=GROWTH)
-# Longest step across a fold in epsilon, and the share of it to which the fold is located there.
-ACROSS, LOCATED = 0.05, 1e-6
+# Arclength is in units of the orbit's extents, the relative time and log epsilon. Six Newton steps are aimed at on the
+# mesh of the guess.
+PACE = Pace(0.02, 0.4, 1e-7, 6, largest_turn=0.4, growth=1.4)
 
 
 class FamilyEnd(CurveEnd):
@@ -234,12 +228,11 @@ class _Follower(Tracer[_FamilyNode]):
         found, new = stride.node.orbit, stride.node.along
         ends = float(here.along.ends[7]), float(new.ends[7])
         turns = ends[0] * ends[1] < 0.0
-        if turns and length > ACROSS:
+        # A fold in epsilon is stepped across by this at most.
+        if turns and length > 0.05:
             return None
         if turns:
-            fold = self.located(
-                here, length, lambda node: float(node.along.ends[7]), ends, apart=LOCATED * length
-            )
+            fold = self.located(here, length, lambda node: float(node.along.ends[7]), ends, apart=1e-6 * length)
             self.folds.append(float((here if fold is None else fold[0]).orbit.epsilon))
         low, high = self.bounds
         beyond = not low < found.epsilon < high
@@ -262,7 +255,8 @@ class _Follower(Tracer[_FamilyNode]):
         weights = np.zeros(len(mesh))
         weights[:-1] += 0.5 * np.diff(mesh)
         weights[1:] += 0.5 * np.diff(mesh)
-        return INSIDE * weights
+        # How much the orbit between its ends counts in arclength; where it grows an excursion nothing else changes.
+        return 4.0 * weights
 
     def _product(self, one: _Direction, other: _Direction, mesh: np.ndarray) -> float:
         """The inner product of arclength, on a mesh."""

@@ -24,9 +24,6 @@ SCHEME = gauss(STAGES)
 ITERATIONS = 12
 # A Newton step of this length, relative to 1 + |z|, is rounding; one below LAST is followed by rounding.
 ROUNDING, LAST = 1e-13, 1e-8
-# At a multiple root Newton's method converges linearly, to the root of rounding of its multiplicity: it is given so
-# many steps, and the shortest has to be below this.
-PATIENT, SETTLED = 40, 1e-4
 # A step this much longer than the one before ends the iteration; one longer than half the orbit is shortened.
 RULES = Rules(ITERATIONS, ROUNDING, LAST, growth=4.0, hopeless=1.0, longest=0.5)
 
@@ -162,8 +159,10 @@ class Collocation:
 
     def settled(self, orbit: OrbitSegment, problem: Problem) -> OrbitSegment | None:
         """As `solve` where the root is multiple: the iterate of the shortest step, which rounding ends."""
-        best, shortest = None, SETTLED
-        for _ in range(PATIENT):
+        best, shortest = None, 1e-4
+        # At a multiple root Newton's method converges linearly, to the root of rounding of its multiplicity: it is
+        # given so many steps, and the shortest has to be below 1e-4.
+        for _ in range(40):
             self.iterations += 1
             try:
                 step = self.linear(orbit, problem(orbit))

@@ -38,8 +38,6 @@ State = Mapping[str, float] | Mapping[sp.Symbol, float]
 # The innermost crossing is the weak canard when it is this near to the innermost orbits of both sheets, in local
 # widths over so many local units on each side of the section.
 WEAK_DISTANCE, WEAK_REACH = 1e-5, 2.0
-# Two crossings this near each other, in local units, are one to rounding.
-SAME = 1e-7
 # Ends of curves beyond the weak canard, and of those that leave without having come to it.
 BEYOND, AWAY = {SheetEnd.PASSED, SheetEnd.TURNED}, {SheetEnd.WINDOW, SheetEnd.LINE}
 # Elements of all Newton steps for the crossings, at most; 31 crossings at 28 canards take 120 000.
@@ -284,7 +282,8 @@ class _Finder:
         canards, index = [], -1
         known = [] if weak is None else [weak]
         for each in solved:
-            if any(self._apart(each.state, other.state) < SAME for other in known):
+            # Two crossings this near each other, in local units, are one to rounding.
+            if any(self._apart(each.state, other.state) < 1e-7 for other in known):
                 continue
             known.append(each)
             turns = half_turns(each.orbit, each.share, axis, self.section, self.frame.width)

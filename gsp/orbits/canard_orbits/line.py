@@ -11,14 +11,8 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.orbits.canard_orbits.frame import DEPARTURE, FoldedNodeFrame, Plane
 from gsp.roots import root
 
-# How many powers of e orbits come nearer to M_epsilon between a default line and the node: the first of these at
-# which the slow flow runs to the node from beside the strong canard too.
-DECAYS = (40.0, 32.0, 25.0, 20.0, 16.0, 12.0)
 # Points of the strong singular canard that are looked at for the default line.
 LOOKS = 4000
-# Starts are one local unit apart and then this much more each, so often; where the first is too far, half of it, so
-# often at most.
-LADDER, RUNGS, HALVINGS = 1.3, 24, 5
 _NOTHING = [float("nan")]
 
 
@@ -39,7 +33,9 @@ class SheetLine:
         self.desingularised = compile_flow(frame.desingularised)
         self.strong = frame.strong_canard(side)
         if plane is None:
-            for decay in DECAYS:
+            # How many powers of e orbits come nearer to M_epsilon between a default line and the node: the first of
+            # these at which the slow flow runs to the node from beside the strong canard too.
+            for decay in (40.0, 32.0, 25.0, 20.0, 16.0, 12.0):
                 self._put(self._default(decay))
                 if self.crossing is not None and next(self.starts(), None) is not None:
                     break
@@ -90,11 +86,13 @@ class SheetLine:
             return
         z = self.beginning
         along, distance = self._along(z, beside.at(met)[:3] - z), frame.unit
-        for _ in range(HALVINGS):
+        # Where the first start is too far, half of it.
+        for _ in range(5):
             if self._serves(self._on(z + distance * along)):
                 break
             distance *= 0.5
-        for _ in range(RUNGS):
+        # Starts are one local unit apart and then three tenths more each.
+        for _ in range(24):
             z = self._on(z + distance * along)
             if not self._serves(z):
                 return
@@ -102,7 +100,7 @@ class SheetLine:
             time = self._duration(z)
             if np.isfinite(time):
                 yield z, time
-            distance *= LADDER
+            distance *= 1.3
 
     def enters(self, z: np.ndarray) -> bool:
         """Whether the desingularised reduced flow crosses the line at z as along the strong canard, to the node."""

@@ -26,8 +26,6 @@ from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 ELEMENTS, MOST_ELEMENTS = 40, 480
 # Interpolation error of a segment, as a share of its extent; at the elements' ends it is far below.
 PRECISION = 1e-7
-# Largest turn of the curve in the section from one segment to the next, and the one aimed at, in radians.
-LARGEST_TURN, AIM_TURN = 0.5, 0.2
 # Steps in units of the frame: the first, the longest, and the shortest before giving up.
 FIRST, LONGEST, SHORTEST = 0.02, 10.0, 1e-9
 # The curve is left where its fast variable is this many local widths from the node.
@@ -37,14 +35,8 @@ RESOLUTION, STILL = 1e-8, 3
 # Segments a direction, and elements of all Newton steps a sheet, at most; 800 segments of a sheet that turns 27 times
 # take 330 000.
 SEGMENTS, WORK = 1500, 600_000
-# A curve that turns back by this angle, in radians, has its innermost orbit behind it: beyond the funnel, as where
-# another folded singularity bounds it, it unwinds.
-BACK = np.pi / 2.0
-# The curves turn by about 1 - mu between gamma_0 and gamma_w. Turns from one segment to the next are shorter by
-# SHARPER (1 - mu) where that is below one, down to FINEST.
-SHARPER, FINEST = 10.0, 0.1
-# A first segment is good when it comes this near the node, in local units, and not taken beyond FURTHEST.
-NEAR, FURTHEST = 0.3, 1.5
+# A first segment is not taken beyond this, in local units.
+FURTHEST = 1.5
 
 
 # A direction of a singular problem.
@@ -173,13 +165,14 @@ class SheetBuilder(Tracer[_SheetNode]):
         self.start = SheetLine(frame, self.side, line)
         self.line = self.start.plane
         mu = frame.rates[1] / frame.rates[0]
-        sharpness = float(np.clip(SHARPER * (1.0 - mu), FINEST, 1.0))
+        # The curves turn by about 1 - mu between gamma_0 and gamma_w, and from one segment to the next by less.
+        sharpness = float(np.clip(10.0 * (1.0 - mu), 0.1, 1.0))
         self.pace = Pace(
             FIRST,
             LONGEST,
             SHORTEST,
-            turn=AIM_TURN * sharpness,
-            largest_turn=LARGEST_TURN * sharpness,
+            turn=0.2 * sharpness,
+            largest_turn=0.5 * sharpness,
             growth=1.5,
         )
         self.most = SEGMENTS
@@ -238,7 +231,8 @@ class SheetBuilder(Tracer[_SheetNode]):
             if guess is not None and self._away(guess) < best:
                 segment = self.polished(guess)
                 found, best = (found, best) if segment is None else (segment, self._away(segment))
-            if best <= NEAR or self.solver.work > WORK // 2:
+            # A first segment is good when it comes this near the node, in local units.
+            if best <= 0.3 or self.solver.work > WORK // 2:
                 break
         return found
 
@@ -389,7 +383,9 @@ class SheetBuilder(Tracer[_SheetNode]):
         self._turned += self._sense * float(np.arctan2(u * b - v * a, u * a + v * b))
         if self._turned > self._most_turned:
             self._most_turned, self._innermost = self._turned, number
-        return self._most_turned - self._turned >= BACK
+        # A curve that turns back by a right angle has its innermost orbit behind it: beyond the funnel, as where
+        # another folded singularity bounds it, it unwinds.
+        return self._most_turned - self._turned >= np.pi / 2.0
 
     def _ending(self, orbit: OrbitSegment) -> SheetEnd | None:
         if abs(self._free_end(orbit)[2] - self.frame.point[2]) > WINDOW * self.frame.width:

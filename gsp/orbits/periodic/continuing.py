@@ -29,9 +29,6 @@ from gsp.systems.arguments import (
 )
 from gsp.systems.region import Interval, check_interval
 
-# A first cycle at a Hopf point is at most so large a share of the equilibrium's size.
-FIRST_SIZE = 1e-2
-
 
 def continue_orbits(
     origin: PeriodicOrbit | HopfPoint,
@@ -169,7 +166,8 @@ def _through(tracer: CycleTracer, orbit: PeriodicOrbit, name: str, direction: in
 def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
     """A small cycle at the Hopf point, and the family's direction there: growing."""
     point = np.array(list(hopf.point.values()))
-    size = FIRST_SIZE * max(1.0, float(np.abs(point).max()))
+    # A first cycle at a Hopf point is at most so large a share of the equilibrium's size.
+    size = 1e-2 * max(1.0, float(np.abs(point).max()))
     if hopf.l1 and hopf.crossing:
         # Normal form rho' = crossing dlambda rho + l1 omega rho^3, with u = point + 2 Re(rho q e^(i omega t)).
         # It moves the parameter by about 1e-4 of the bounds' width.

@@ -12,8 +12,6 @@ import numpy as np
 STEEP = 1e-2
 GROWN = 0.2
 ROWS = 4
-# The parameter per amplitude counts as standing still below this share of the range: rounding.
-STILL = 1e-13
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,8 @@ def explosions(values: np.ndarray, amplitudes: np.ndarray) -> tuple[Explosion, .
             continue
         own = slopes[first:last]
         # Where rounding decides which step is the steepest, the one in the middle.
-        flat = np.flatnonzero(own <= max(float(own.min()), STILL))
+        # The parameter per amplitude counts as standing still below this share of the range: rounding.
+        flat = np.flatnonzero(own <= max(float(own.min()), 1e-13))
         row = first + int(flat[len(flat) // 2])
         found.append(
             Explosion(float(values[row]), float(np.ptp(values[first : last + 1])), row, int(first), int(last))

@@ -19,12 +19,8 @@ from gsp.orbits.periodic.settling import CLOSES, MOST_CROSSINGS, Lap, OrbitError
 from gsp.systems.arguments import check_flag, check_noun, check_number, check_progress, check_whole
 from gsp.systems.flow import Flow, Point
 
-# Errors that first meshes are made for, in turn: Newton's method may need a finer one to begin with.
-FIRST_ERRORS = (1e-8, 1e-11)
 # A second lap closes within this share of its amplitude, when the first has led to an orbit that does not attract.
 CLOSER = 1e-6
-# A part of a cycle is the whole again when the two agree to this share of the amplitude.
-SAME = 1e-6
 # A cycle with a smaller isolation has neighbours that are cycles too. Laps of conservative flows have 1e-9 at most,
 # which is the accuracy of the run, and 1e-14 for linear ones; hyperbolic cycles, relaxation included, 1e-3 to 1.
 ISOLATED = 1e-8
@@ -123,7 +119,8 @@ def _solved(
     """The cycle that a lap leads to, once around; raises `OrbitError` when that is an equilibrium."""
     best: Refined | None = None
     size, nearest = np.full(problem.size, np.inf), np.inf
-    for error in FIRST_ERRORS:
+    # Errors that first meshes are made for, in turn: Newton's method may need a finer one to begin with.
+    for error in (1e-8, 1e-11):
         guess = lap.cycle(degree, error=error, most=most)
         size = scales_of(guess)
         nearest = min(nearest, isolation_of(problem, guess))
@@ -184,7 +181,8 @@ def _times_around(cycle: Cycle) -> int:
     s = np.linspace(0.0, 1.0, 400, endpoint=False)
     here, times = cycle.at(s), 1
     for k in range(2, MOST_CROSSINGS + 1):
-        if (np.abs(cycle.at(np.mod(s + 1.0 / k, 1.0)) - here) <= SAME * scales).all():
+        # A part of a cycle is the whole again when the two agree to this share of the amplitude.
+        if (np.abs(cycle.at(np.mod(s + 1.0 / k, 1.0)) - here) <= 1e-6 * scales).all():
             times = k
     return times
 

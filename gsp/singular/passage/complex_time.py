@@ -29,11 +29,8 @@ from gsp.errors import UnsupportedFunctionError
 from gsp.fibres.decaying_signals import chebyshev
 from gsp.singular.passage.slow_orbit import SlowOrbit
 
-# Newton's method in complex time starts at these multiples of what the eigenvalue's slope predicts.
-RADII, ANGLES = (1.0, 0.5, 2.0), (0.0, 0.7, -0.7, 1.3, -1.3)
-NEWTON_STEPS, REACH = 12, 4.0
-# Turning points nearer than this are one, and an eigenvalue this small there has vanished, in relative terms.
-SAME, VANISHED = 1e-6, 1e-5
+# Turning points nearer than this are one, in relative terms.
+SAME = 1e-6
 # Panels along the path to a turning point, with 17 nodes each.
 PANELS = 6
 
@@ -173,7 +170,7 @@ class ComplexOrbit:
     def zero(self, guess: complex) -> tuple[complex, complex] | None:
         """(tau, t) next to tau = `guess` where det g_y vanishes, by Newton's method; None when it fails."""
         tau, z, ahead = 0j, self.z, guess
-        for _ in range(NEWTON_STEPS):
+        for _ in range(12):
             z, tau = self.carry(z, ahead - tau), ahead
             slope = self.slope(z, lambda w: complex(np.linalg.det(self.jacobian(w))))
             if slope == 0 or not np.isfinite(slope):
@@ -182,7 +179,7 @@ class ComplexOrbit:
             if abs(step) > 0.5 * abs(guess):
                 step *= 0.5 * abs(guess) / abs(step)
             ahead = tau + step
-            if abs(ahead) > REACH * abs(guess):
+            if abs(ahead) > 4.0 * abs(guess):
                 return None
             if abs(step) <= 1e-13 * abs(ahead):
                 return ahead, complex(z[0])
@@ -241,7 +238,8 @@ def _turning_points(continued: ComplexOrbit, start: complex) -> list[TurningPoin
         return []
     time, seen = float(continued.units[0]), list[complex]()
     found: list[TurningPoint] = []
-    for radius, angle in itertools.product(RADII, ANGLES):
+    # Newton's method in complex time starts at these multiples of what the eigenvalue's slope predicts.
+    for radius, angle in itertools.product((1.0, 0.5, 2.0), (0.0, 0.7, -0.7, 1.3, -1.3)):
         try:
             zero = continued.zero(-radius * np.exp(1j * angle) * start / slope)
             if zero is None or any(
@@ -251,7 +249,8 @@ def _turning_points(continued: ComplexOrbit, start: complex) -> list[TurningPoin
             seen.append(zero[1])
             for tau in (zero[0], zero[0].conjugate()):
                 level, last, t = continued.level(tau, start)
-                if abs(last) <= VANISHED * abs(start) and level > 0.0:
+                # An eigenvalue this small, in relative terms, has vanished.
+                if abs(last) <= 1e-5 * abs(start) and level > 0.0:
                     found.append(TurningPoint(t, level))
                     break
         except (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError, OverflowError):

@@ -23,8 +23,6 @@ from gsp.systems.flow import check_epsilon
 
 # Digits kept below the least deviation of the passage.
 SPARE = 20
-# The runs go on beyond the expected exit for this share of the slow time since the loss, and for so many natural times.
-BEYOND, ESCAPE_TIMES = 0.5, 8.0
 _SQUARED = "squared distance"
 
 
@@ -147,8 +145,9 @@ def measure_delay(
         begin = dict(start)
     loss = delayed.loss.t
     # At a loss without delay the scale of what happens is (2 epsilon/kappa)^(1/2).
-    natural = ESCAPE_TIMES * np.sqrt(2.0 * small / abs(delayed.loss.crossing))
-    last = float(delayed.t + max(BEYOND * (delayed.t - loss), natural))
+    # The runs go on beyond the expected exit for half of the slow time since the loss, and for so many natural times.
+    natural = 8.0 * np.sqrt(2.0 * small / abs(delayed.loss.crossing))
+    last = float(delayed.t + max(0.5 * (delayed.t - loss), natural))
     if digits is None:
         # Below the least limit of the losses deviations do not matter.
         rise = min([delayed.depth, *(loss.limit for loss in delayed.losses)])

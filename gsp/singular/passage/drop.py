@@ -15,8 +15,6 @@ from gsp.systems.region import Interval
 
 # The drop begins at this distance from the fold along r, in the layer's units; its error there is the cube.
 BEGINNING = 1e-4
-# Fast times, in units of the time that the escape from there takes, and how often they are doubled.
-PATIENCE, DOUBLINGS = 2.0, 8
 
 
 class DropKind(StrEnum):
@@ -79,7 +77,8 @@ def drop_from(
     names = [s.name for s in layer.system.y]
     v = BEGINNING / float(np.linalg.norm(direction / units))
     y, here = fold / units, (fold + direction * v + bending * v**2) / units
-    span = PATIENCE / (rate * v)
+    # Twice the time that the escape from there takes, doubled until it has.
+    span = 2.0 / (rate * v)
     flow = layer.flow()
 
     def result(kind: DropKind, at: np.ndarray) -> Drop:
@@ -89,7 +88,7 @@ def drop_from(
         slow = {s.name: float(value) for s, value in zip(layer.system.x, layer.x)}
         return Drop(kind, {**slow, **dict(zip(names, map(float, at * units)))}, spectrum)
 
-    for _ in range(DOUBLINGS):
+    for _ in range(8):
         run = trajectory_of(flow, start=dict(zip(names, here)), span=(0.0, span), rtol=1e-10, atol=1e-12)
         outside = _leaving(run.y * units[:, None], names, region)
         if outside is not None:

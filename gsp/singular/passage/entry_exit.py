@@ -30,10 +30,6 @@ from gsp.systems.arguments import check_noun, check_number, shown
 from gsp.systems.flow import Point, as_points
 from gsp.systems.region import Interval, check_region
 
-# The branch counts as invariant when its residual is below this, relative to its terms, at these epsilons.
-INVARIANT, TRIED = 1e-10, (0.37, 0.11)
-# How long an orbit is followed, as a multiple of the slow time in which it gets somewhere.
-PATIENCE = 100.0
 # Takeovers nearer than this share of the slow time are one: where two eigenvalues meet they are known to the root of
 # rounding.
 SAME = 1e-4
@@ -83,7 +79,8 @@ def entry_exit(
             f"{np.array2string(values, precision=4)}.",
             "Start where all real parts are negative.",
         )
-    return _Passage(orbit, box, PATIENCE * orbit.time if longest is None else longest).result()
+    # How long an orbit is followed, as a multiple of the slow time in which it gets somewhere.
+    return _Passage(orbit, box, 100.0 * orbit.time if longest is None else longest).result()
 
 
 class _Passage:
@@ -235,7 +232,7 @@ def is_invariant(orbit: SlowOrbit, z: np.ndarray) -> bool:
     m, n = len(system.x), len(system.y)
     function = compile_over(system, [*system.f, *system.g, *equations.E_x, *equations.E_y, *equations.g_y])
     constants = compile_flow(system).constants.copy()
-    for epsilon in TRIED:
+    for epsilon in (0.37, 0.11):
         p = constants.copy()
         p[0] = epsilon
         out = function(z, p)
@@ -249,7 +246,8 @@ def is_invariant(orbit: SlowOrbit, z: np.ndarray) -> bool:
         scale = scale + np.einsum("kij,kj->ki", np.abs(E_y), np.abs(g)) / epsilon
         lengths = orbit.units[m:] + np.abs(z[:, m:])
         noise = 1e-13 * np.einsum("kij,kjl,kl->ki", np.abs(E_y), np.abs(g_y), lengths)
-        if (np.abs(residual) > INVARIANT * scale + noise / epsilon).any():
+        # The branch counts as invariant when its residual is below this, relative to its terms.
+        if (np.abs(residual) > 1e-10 * scale + noise / epsilon).any():
             return False
     return True
 

@@ -23,8 +23,6 @@ from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, val
 
 # A start on M0 is forgotten when the attraction has shrunk its distance from M_epsilon by exp(-FORGOTTEN).
 FORGOTTEN = 60.0
-# Steps along the reduced orbit upstream, as a share of the distance expected (fourth order: 1e-10), and their number.
-STEP, STEPS = 0.01, 10000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -235,9 +233,10 @@ def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, f
     distance = (0.75 * FORGOTTEN * epsilon * abs(b) / a**2) ** (1.0 / 3.0)
     z = np.concatenate([passage.x0, passage.y0])
     before = np.concatenate([[0.0], -np.sign(a) * passage.right])
-    h, time, contraction, rate = STEP * distance, 0.0, 0.0, 0.0
+    # Steps along the reduced orbit upstream, as a share of the distance expected: of fourth order, 1e-10.
+    h, time, contraction, rate = 0.01 * distance, 0.0, 0.0, 0.0
     path = []
-    for _ in range(STEPS):
+    for _ in range(10000):
         k1 = velocity(z, before)
         k2 = velocity(z + 0.5 * h * k1, before)
         k3 = velocity(z + 0.5 * h * k2, before)

@@ -39,10 +39,9 @@ from gsp.slow.series import expand
 from gsp.systems.flow import check_epsilon
 
 # Zeros of the parabolic cylinder function are looked for up to here: exp(-z^2) is rounding by then.
-FARTHEST, SAMPLES = 6.5, 2000
-# Orders of the formal slow manifold that are searched for a pole at the loss, and where: distances from it, as shares
-# of the time in which the orbit gets somewhere.
-ORDERS, OFFSETS = 6, (1e-2, 1e-3)
+FARTHEST = 6.5
+# Orders of the formal slow manifold that are searched for a pole at the loss.
+ORDERS = 6
 
 
 class Outcome(StrEnum):
@@ -99,7 +98,7 @@ def first_zero(value: float) -> float | None:
     # Beside whole orders SciPy's function is wrong in its second digit; there the zero moves by half of what they do.
     if abs(order - round(order)) < np.sqrt(np.finfo(float).eps):
         order = float(round(order))
-    z = np.linspace(-FARTHEST, FARTHEST, SAMPLES)
+    z = np.linspace(-FARTHEST, FARTHEST, 2000)
     values = pbdv(order, -np.sqrt(2.0) * z)[0]
     change = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
     if not change.size:
@@ -227,7 +226,8 @@ def _higher_order(orbit: SlowOrbit, t: float, z: np.ndarray, crossing: float) ->
     try:
         series = expand(orbit.branch, order=ORDERS, symbolic=False)
         sizes = []
-        for share in OFFSETS:
+        # Distances from the loss, as shares of the time in which the orbit gets somewhere.
+        for share in (1e-2, 1e-3):
             point = orbit.at(t - share * orbit.time)
             near = None if orbit.branch.is_explicit else point[m:]
             sizes.append(

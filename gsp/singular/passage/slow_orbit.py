@@ -30,8 +30,8 @@ from gsp.systems.system import VectorField
 # A panel is resolved when its last Chebyshev coefficients are this small, relative to a state's unit and its largest
 # value on it, or to the largest eigenvalue so far.
 RESOLVED = 2e-14
-# The first panel in units of (1 + |x|)/|f|, x in units, and the factor by which panels grow.
-FIRST, GROWTH = 0.05, 1.5
+# The first panel in units of (1 + |x|)/|f|, x in units.
+FIRST = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,8 @@ class SlowOrbit:
                     panel = Panel(times, z)
                     self.panels.append(panel)
                     self.end, self.state = float(times[-1]), z[-1]
-                    self._length *= GROWTH
+                    # Panels grow by this factor.
+                    self._length *= 1.5
                     return panel
             self._length *= 0.5
         raise PassageError(

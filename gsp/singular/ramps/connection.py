@@ -18,12 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Newton's method converges within a few steps or goes elsewhere; r changes by at most this factor in one.
-STEPS, FACTOR = 25, 4.0
+# r changes by at most this factor in one step.
+FACTOR = 4.0
 # Degrees: the first, and the one at which an orbit is not resolved.
 FIRST, LAST = 16, 256
-# A rate that moves by more when the degree doubles is one of the equations for polynomials, and of no orbit.
-MOVED = 0.5
 # Two starts lead to one threshold when they agree to this.
 SAME = 1e-6
 ROUNDING = np.finfo(float).eps
@@ -91,7 +89,8 @@ def connection(
         if change <= max(found[2], ROUNDING * degree) or before <= change <= ROUNDING**0.5:
             rate, x, rounding = found
             return Connection(rate, (change + rounding) * rate, _places(ends, _grid(degree)[0]), x)
-        if change > MOVED:
+        # A rate that moves by more when the degree doubles is one of the equations for polynomials, and of no orbit.
+        if change > 0.5:
             return None
         before = change
     return None
@@ -122,7 +121,8 @@ def _solved(
     l, per_unit = _places(ends, s), 2.0 / (last - first)  # noqa: E741
     matrix = np.zeros((degree + 2, degree + 2))
     matrix[0, 0] = matrix[-1, degree] = 1.0
-    for _ in range(STEPS):
+    # Newton's method converges within a few steps or goes elsewhere.
+    for _ in range(25):
         f, f_x, rho = rates(values @ x, l).T
         slope = per_unit * (slopes @ x)
         residual = np.concatenate([[x[0] - x_0], rate * rho * slope - f, [x[-1] - x_1]])

@@ -18,13 +18,10 @@ from gsp.systems.system import VectorField
 
 # Newton's method starts at these shares of the rate at which the ramp is as fast as the field.
 SHARES = np.logspace(-2.0, 2.0, 9)
-# A guess of the orbit is a straight line, or the branch of the start, then that of the edge; it changes at one of so
-# many parts of the way, more of them until the number of rates is odd or even as the limits ask for.
-ROUNDS = (0, 4, 16)
 # A rest point that is followed away and back is found again to this share of it.
 RETURNED = 1e-9
-# Tolerance of a run to the next branch, and how near it comes to it, as a share of the way.
-RTOL, NEAR = 1e-8, 1e-4
+# Tolerance of a run to the next branch.
+RTOL = 1e-8
 
 
 def thresholds(given: Ramped, way: list[Place], edge: Place) -> tuple[tuple[bool, bool], list[Connection]]:
@@ -63,7 +60,7 @@ def _next_rest(given: Ramped, begin: Place, s: float) -> float:
             return float(np.sign(run.y[0, -1] - x) * np.inf)
         reached = float(run.y[0, -1])
         rest = given.rest_point(np.array([reached]), s)
-        if rest is not None and abs(rest[0] - reached) <= NEAR * abs(rest[0] - begin.x[0]):
+        if rest is not None and abs(rest[0] - reached) <= 1e-4 * abs(rest[0] - begin.x[0]):
             return float(rest[0])
         x, time = reached, 2.0 * time
     return float(np.sign(x - begin.x[0]) * np.inf)
@@ -84,7 +81,9 @@ def _connections(given: Ramped, way: list[Place], edge: Place, odd: bool) -> lis
     natural = abs(given.growth(begin)[0]) * abs(last - first) / given.speed(begin.x)
     back = [edge]
     found: list[Connection] = []
-    for number in ROUNDS:
+    # A guess of the orbit is a straight line, or the branch of the start, then that of the edge; it changes at one of
+    # so many parts of the way, more of them until the number of rates is odd or even as the limits ask for.
+    for number in (0, 4, 16):
         if number and len(back) == 1:
             back = given.followed(edge, first)
         for shape, share in product(_shapes(way, back, number), SHARES):

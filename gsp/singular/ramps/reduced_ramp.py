@@ -35,10 +35,6 @@ from gsp.systems.system import SlowFastSystem, VectorField
 # An orbit has met the fold where g_y is this share of what it is at the start: those that end in a folded point are
 # there after an infinite time of (1).
 MET = 1e-6
-# Rates are tried by factors of sqrt(2), so many on both sides of the one that was found.
-TRIED = 8
-# In time of (1) near folds, in times along the ramp at the pace of the start.
-PATIENCE = 100.0
 ACCURACY = 1e-11
 
 
@@ -99,7 +95,8 @@ class ReducedRamp:
         met = Event(self.flow.fold - sp.Float(MET * self.fold, 17), terminal=True, name="fold")
         ended = () if given.rests_at(last) else (Event(phase - sp.Float(last, 17), terminal=True, name="end"),)
         start = {**dict(zip(names, x)), phase.name: s}
-        span = (0.0, PATIENCE * most / abs(self.fold))
+        # In time of (1) near folds, a hundred times along the ramp at the pace of the start.
+        span = (0.0, 100.0 * most / abs(self.fold))
         options = RunOptions(events=(met, *ended))
         found = trajectory_of(self._field, start, span, q, ACCURACY, 1e-2 * ACCURACY, options=options)
         if ended and len(found.events["end"].times):
@@ -137,7 +134,8 @@ class ReducedRamp:
     def _between(self, near: float) -> tuple[float, float] | None:
         """Two rates next to `near` of which the orbit of one meets the fold."""
         own = self.meets(near)
-        for k in range(1, TRIED + 1):
+        # Rates are tried by factors of sqrt(2), eight on both sides of the one that was found.
+        for k in range(1, 9):
             for sign in (-1, 1):
                 a, b = (near * 2.0 ** (sign * 0.5 * j) for j in (k - 1, k))
                 if self.meets(b) != own:

@@ -40,8 +40,6 @@ NEAR = 0.1
 # A zero is looked at from these shares of the way between the rates that bracket it: where rounding decides, signs are
 # those of a coin.
 CLOSER = tuple(10.0**-k for k in range(1, 9))
-# Orbits beside the edge begin by this away from it.
-BESIDE = 1e-6
 
 
 class Edge(NamedTuple):
@@ -190,7 +188,8 @@ class Passage:
         span = (0.0, 2.0 * self._patience([self.begin]))
         edge, aside = self.edge, self.begin.x - self.edge.place.x
         aside = aside - edge.v * (edge.w @ aside)
-        along, across = (d * BESIDE / (np.abs(d / self.units).max() or 1.0) for d in (edge.v, aside))
+        # Orbits beside the edge begin by this away from it.
+        along, across = (d * 1e-6 / (np.abs(d / self.units).max() or 1.0) for d in (edge.v, aside))
         starts = ((edge.place.x + across + sign * along) / self.units for sign in (-1.0, 1.0))
         return [
             trajectory_of(

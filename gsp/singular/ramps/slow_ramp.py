@@ -36,15 +36,10 @@ from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem
 
-# Newton's method: steps at most, and halvings of d on the way to 0. Degrees: the first, too low to resolve what is
-# fast, and the last at which q has to have settled, to this.
-STEPS, HALVINGS = 40, 3
+# Degrees: the first, too low to resolve what is fast, and the last at which q has to have settled, to this.
 FIRST, LAST, SETTLED = 12, 200, 1e-11
 # Values of d beyond the order of a series, from which its terms are interpolated.
 MORE = 4
-# From a start at rest a canard is followed past the folded singularity by this share of the way to it, over which a
-# polynomial of degree FIRST that fits it before is a guess.
-PAST = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -189,7 +184,9 @@ class _Problem:
         first, last = given.ends[0], float(orbit.phase[-1])
         if resting is not None:
             at = float(resting.singularity[ramp.phase.name])
-            last = at + PAST * (at - first)
+            # From a start at rest a canard is followed past the folded singularity by this share of the way to it,
+            # over which a polynomial of degree FIRST that fits it before is a guess.
+            last = at + 0.1 * (at - first)
         self.given, self.ends = given, (first, last)
         z = [*given.field.states]
         zp = [sp.Dummy(f"{s}_s") for s in z]
@@ -234,7 +231,8 @@ class _Problem:
         degree = FIRST
         x = self.guess(self._places(_nodes(degree)))
         here = (x, self.number) if self.resting is None else (x, self.resting.q)
-        for d in [0.5**k * self.small for k in range(HALVINGS + 1)] if self.resting is None else []:
+        # On the way to d = 0 it is halved.
+        for d in [0.5**k * self.small for k in range(4)] if self.resting is None else []:
             here = None if here is None else self.at(*here, d)
         here = None if here is None else self.at(*here, 0.0)
         # There nothing is fast, and more coefficients resolve nothing else.
@@ -283,7 +281,7 @@ class _Problem:
             per * np.array([chebyshev.chebval(c, chebyshev.chebder(row)) for row in np.eye(degree + 1)]).T @ to
         )
         s, before = self._places(c), np.inf
-        for _ in range(STEPS):
+        for _ in range(40):
             place = np.column_stack([values @ x, slopes @ x, s, np.full(m, q)])
             out = self.compiled(place, [np.nan, d])
             if not np.isfinite(out).all():

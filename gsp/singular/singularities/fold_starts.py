@@ -13,10 +13,6 @@ from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
 from gsp.roots import roots
 
-# Sizes of the states at which folds are looked for, and how many a decade along M0.
-DECADES = (-4, 4)
-ALONG = 64
-
 
 def fold_starts(
     g: sp.Expr, x: sp.Symbol, y: sp.Symbol, a: sp.Symbol, declared: float
@@ -29,7 +25,8 @@ def fold_starts(
 
 
 def _sizes(a_decade: int) -> np.ndarray:
-    low, high = DECADES
+    # Decades of the sizes of the states at which folds are looked for.
+    low, high = -4, 4
     sizes = np.logspace(low, high, (high - low) * a_decade + 1)
     return np.concatenate([-sizes[::-1], [0.0], sizes])
 
@@ -38,7 +35,7 @@ def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[t
     """Folds of x = X(y), where g is affine in x: sign changes of g_y on it."""
     graph = -g.xreplace({x: sp.Integer(0)}) / slope
     function = compile_function([graph, derivative(g, y).xreplace({x: graph})], arguments=[y])
-    rows = _sizes(ALONG)
+    rows = _sizes(64)
     signs = np.sign(function(rows[:, None], [0.0])[:, 1])
     changed = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
     found = roots(lambda v: function(v[:, None], [0.0])[:, 1], rows[changed], rows[changed + 1])
