@@ -22,11 +22,11 @@ def far_off(u: np.ndarray, column: int, side: int, distance: float = FAR) -> np.
 
 
 @np.errstate(all="ignore")
-def saturates(problem: LayerProblem, u: np.ndarray, column: int, *, sides: tuple[int, ...] = BOTH) -> bool:
-    """Whether g at `u` (N,) tends to values, not all 0, as the unknown of `column` goes to infinity on all `sides`."""
-    for side in sides:
+def saturates(problem: LayerProblem, u: np.ndarray, column: int) -> bool:
+    """Whether g at `u` (N,) tends to values, not all 0, as the unknown of `column` goes to infinity on both sides."""
+    for side in BOTH:
         values = [problem.residual(far_off(u, column, side, k * FAR)) for k in (1.0, 2.0)]
         if not (np.isfinite(values).all() and np.allclose(*values, rtol=1e-12, atol=0.0)):
             return False
-    here = problem.residual(far_off(u, column, sides[0]))
+    here = problem.residual(far_off(u, column, BOTH[0]))
     return not np.array_equal(here, problem.residual(u))

@@ -24,9 +24,6 @@ from gsp.proofs.verdict import ProofVerdict
 from gsp.results.bounds import as_given, at_least, at_most, shown_sides
 from gsp.results.card import Card
 
-# Undecided boxes that JSON lists.
-SHOWN = 100
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Certificate(Card):
@@ -125,7 +122,8 @@ class Certificate(Card):
             },
             "boxes": len(self.boxes),
             "tried": self.tried,
-            "undecided": [{n: list(side) for n, side in zip(names, box)} for box in self.undecided[:SHOWN]],
+            # The first hundred are listed.
+            "undecided": [{n: list(side) for n, side in zip(names, box)} for box in self.undecided[:100]],
             "undecided_volume": self.undecided_volume,
         }
 

@@ -12,11 +12,10 @@ from typing import Any
 from gsp.proofs import untrusted
 from gsp.proofs.band_checker import Vertex
 from gsp.proofs.checked_cycle import CheckedAnnulus, CheckedCycle
-from gsp.proofs.passage_checker import DelayChecker, StripChecker, read_fraction
+from gsp.proofs.passage_checker import DelayChecker, StripChecker, read_field, read_fraction
 from gsp.proofs.programs import IntervalProgram, Rejected
 
 FORMAT = "gsp cycle by a delay 1"
-MOST_CIRCUITS = 4
 
 
 def check(read: Any) -> CheckedCycle:
@@ -25,19 +24,12 @@ def check(read: Any) -> CheckedCycle:
 
 
 def _checked(read: Any) -> CheckedCycle:
-    if not isinstance(read, dict) or read.get("format") != FORMAT:
-        raise Rejected(f'the format of the file is not "{FORMAT}"')
-    names, rates = untrusted.names(read["names"]), read["rates"]
-    if len(names) != 3 or not isinstance(rates, list) or len(rates) != 2:
-        raise Rejected("a slow and a fast variable and epsilon have names, and there are two rates")
-    tube = IntervalProgram(tuple(rates), 3)
+    untrusted.of_format(read, FORMAT)
+    names, rates, tube = read_field(read)
     # The text of k is an expression by now: in brackets it stays one.
     whole = (rates[0], f"z1*({rates[1]})", "0")
     strip = IntervalProgram(whole, 3)
-    circuits = read["circuits"]
-    if not isinstance(circuits, list) or not 0 < len(circuits) <= MOST_CIRCUITS:
-        raise Rejected(f"there are from 1 to {MOST_CIRCUITS} circuits")
-    found = tuple(_circuit(one, strip, tube) for one in circuits)
+    found = tuple(_circuit(one, strip, tube) for one in untrusted.few(read["circuits"], 4, "circuits"))
     return CheckedCycle(names, whole, found, read_fraction(read["level"]))
 
 

@@ -22,7 +22,6 @@ from gsp.proofs.checked_cycle import CheckedAnnulus, CheckedCycle
 from gsp.proofs.programs import IntervalProgram, Rejected
 
 FORMAT = "gsp relaxation cycle 2"
-MOST_ANNULI = 4
 
 
 def check(read: Any) -> CheckedCycle:
@@ -31,13 +30,10 @@ def check(read: Any) -> CheckedCycle:
 
 
 def _checked(read: Any) -> CheckedCycle:
-    if not isinstance(read, dict) or read.get("format") != FORMAT:
-        raise Rejected(f'the format of the file is not "{FORMAT}"')
+    untrusted.of_format(read, FORMAT)
     names, program = program_of(read["names"], read["rates"])
-    annuli = read["annuli"]
-    if not isinstance(annuli, list) or not 0 < len(annuli) <= MOST_ANNULI:
-        raise Rejected(f"there are from 1 to {MOST_ANNULI} annuli")
-    return CheckedCycle(names, tuple(read["rates"]), tuple(_Annulus(one, program).checked() for one in annuli))
+    found = tuple(_Annulus(one, program).checked() for one in untrusted.few(read["annuli"], 4, "annuli"))
+    return CheckedCycle(names, tuple(read["rates"]), found)
 
 
 class _Annulus(BandChecker):

@@ -19,11 +19,10 @@ from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 
-# Newton's method over doubles: so many steps, and done at rounding.
-STEPS = 40
+# Newton's method over doubles is done at rounding.
 ROUNDING = 5 * np.finfo(float).eps
-# Steps along a line on which a root is followed, as shares of it.
-LONGEST, SHORTEST = 1.0 / 16.0, 1e-10
+# The longest step along a line on which a root is followed, as a share of it.
+LONGEST = 1.0 / 16.0
 
 
 def without_decimals(expression: sp.Expr) -> sp.Expr:
@@ -123,7 +122,7 @@ class EnclosedEquations:
         factors, pivots = np.empty((self.m, self.m)), np.empty(self.m, np.int64)
         length = scale = np.inf
         # Kernels on arrays made once: LAPACK's call and copies would take most of the time.
-        for _ in range(STEPS):
+        for _ in range(40):
             evaluate_many(self._doubles.address, point, _NO_PARAMETERS, out)
             self._mend(point, out[:, : self.m + self.m**2])
             step[:] = out[0, : self.m]
@@ -153,7 +152,7 @@ class EnclosedEquations:
         way = np.asarray(end, dtype=float) - start
         here = self._tangent(start, y, way)
         share, step = 0.0, LONGEST
-        while here is not None and share < 1.0 and step > SHORTEST:
+        while here is not None and share < 1.0 and step > 1e-10:
             ahead = min(share + step, 1.0)
             x, moved = start + ahead * way, (ahead - share) * here[0]
             found = self.root(x, y + moved)

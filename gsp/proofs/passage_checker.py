@@ -33,22 +33,25 @@ def check(read: Any) -> CheckedPassage:
 
 
 def _checked(read: Any) -> CheckedPassage:
-    if not isinstance(read, dict) or read.get("format") != FORMAT:
-        raise Rejected(f'the format of the file is not "{FORMAT}"')
+    untrusted.of_format(read, FORMAT)
     origin = tuple(read_fraction(text) for text in read["origin"])
     if len(origin) != 2:
         raise Rejected("an origin has two coordinates")
     if "delay" in read:
-        names, rates = untrusted.names(read["names"]), read["rates"]
-        if len(names) != 3 or not isinstance(rates, list) or len(rates) != 2:
-            raise Rejected("a slow and a fast variable and epsilon have names, and there are two rates")
-        found: CheckedStrip | CheckedDelay = DelayChecker(
-            read["delay"], IntervalProgram(tuple(rates), 3)
-        ).checked()
+        names, _, program = read_field(read)
+        found: CheckedStrip | CheckedDelay = DelayChecker(read["delay"], program).checked()
     else:
         names, program = program_of(read["names"], read["rates"])
         found = StripChecker(read["strip"], program).checked()
     return CheckedPassage(names, tuple(read["rates"]), origin, found)
+
+
+def read_field(read: dict) -> tuple[tuple[str, ...], list, IntervalProgram]:
+    """Names, rates and their program of one slow and one fast variable."""
+    names, rates = untrusted.names(read["names"]), read["rates"]
+    if len(names) != 3 or not isinstance(rates, list) or len(rates) != 2:
+        raise Rejected("a slow and a fast variable and epsilon have names, and there are two rates")
+    return names, rates, IntervalProgram(tuple(rates), 3)
 
 
 def read_fraction(text: Any) -> Fraction:

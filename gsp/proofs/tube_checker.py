@@ -101,11 +101,9 @@ class _TubeProof:
         self.boundary = read["boundary"]
         if self.boundary not in ("overflowing", "inflowing", "mixed"):
             raise Rejected("the slow flow at the sides is overflowing, inflowing or mixed")
-        if not isinstance(read["cones"], list) or not 0 < len(read["cones"]) <= 100:
-            raise Rejected("there are from 1 to 100 steps of cones")
         self.cones = [
             tuple(untrusted.number(cone[key]) for key in ("low", "high", "slope", "collar"))
-            for cone in read["cones"]
+            for cone in untrusted.few(read["cones"], 100, "steps of cones")
         ]
         end = Fraction(0)
         for low, high, slope, collar in self.cones:

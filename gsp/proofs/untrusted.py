@@ -86,6 +86,19 @@ def region(sides: Any, length: int) -> tuple[tuple[Fraction, Fraction], ...]:
     return tuple((low, high) for low, high in rows)
 
 
+def of_format(read: Any, name: str) -> None:
+    """Refuse what is not the table of a file of this format."""
+    if not isinstance(read, dict) or read.get("format") != name:
+        raise Rejected(f'the format of the file is not "{name}"')
+
+
+def few(rows: Any, most: int, what: str) -> list:
+    """A list of one entry to `most`."""
+    if not isinstance(rows, list) or not 0 < len(rows) <= most:
+        raise Rejected(f"there are from 1 to {most} {what}")
+    return rows
+
+
 def guarded(check: Callable[[], Found]) -> Found:
     """What `check` returns; whatever else a malformed file leads to becomes `Rejected`."""
     try:

@@ -124,9 +124,9 @@ class Sheet:
         places = [self.interpolated(i, s)[0] for i in range(len(self.lengths)) for s in share]
         return np.array(places).reshape(-1, number + 1, 2)
 
-    def curve(self, number: int = 6) -> np.ndarray:
+    def curve(self) -> np.ndarray:
         """Places (m, 2) along the whole curve, from the innermost outwards."""
-        return self.chords(number).reshape(-1, 2)
+        return self.chords(6).reshape(-1, 2)
 
     def __repr__(self) -> str:
         kind = "attracting" if self.attracting else "repelling"
