@@ -15,8 +15,6 @@ WITH_MORE = {
     "critical_sheet", "continue_critical", "continue_folds", "continue_orbits", "periodic_orbit", "integrate",
     "integrate_many", "SlippingSystem.scene", "sweep", "demo",
 }  # fmt: skip
-# Kernels take each array and each number by itself, as machine code calls them. There shall be no more of them.
-KERNELS_WITH_MORE = 21
 
 
 @cache
@@ -53,9 +51,7 @@ def test_no_two_classes_share_a_name() -> None:
 
 def test_functions_have_eight_parameters_at_most() -> None:
     _, many = declared()
-    kernels = {name for name, (path, _) in many.items() if "kernels" in path.parts}
-    assert set(many) - kernels == WITH_MORE
-    assert len(kernels) <= KERNELS_WITH_MORE
+    assert set(many) == WITH_MORE
 
 
 def test_parameters_are_counted_without_self_and_within_classes() -> None:

@@ -114,8 +114,9 @@ class Linearisation:
             )
         dz, dq = np.empty((cases, N + 1, n)), np.empty((cases, free))
         dstages = np.empty((cases, N, stages, n))
-        arrays = map(np.ascontiguousarray, (relations, columns, left, right, across, inner, target))
-        if not border(*arrays, shares, dz, dstages, dq) or not (
+        rows = tuple(map(np.ascontiguousarray, (left, right, across, inner, target)))
+        relations, columns = np.ascontiguousarray(relations), np.ascontiguousarray(columns)
+        if not border(relations, columns, rows, shares, (dz, dstages, dq)) or not (
             np.isfinite(dz).all() and np.isfinite(dq).all()
         ):
             raise np.linalg.LinAlgError("singular")
@@ -140,17 +141,9 @@ def linearise(
     N, s, n = stages.shape
     width = n + equations.free + 1
     columns, relations = np.empty((N, width, s * n)), np.empty((N, n, width))
-    arrays = (np.ascontiguousarray(array) for array in (widths, scheme.A, scheme.b, states, stages))
-    if not condense(
-        equations.field,
-        equations.jacobian,
-        equations.sensitivity,
-        p,
-        time,
-        *arrays,
-        equations.free,
-        columns,
-        relations,
-    ):
+    orbit = tuple(map(np.ascontiguousarray, (widths, states, stages)))
+    rule = tuple(map(np.ascontiguousarray, (scheme.A, scheme.b)))
+    functions = (equations.field, equations.jacobian, equations.sensitivity)
+    if not condense(functions, p, time, orbit, rule, equations.free, columns, relations):
         raise np.linalg.LinAlgError("singular")
     return Linearisation(columns, relations)

@@ -45,8 +45,6 @@ from gsp.systems.flow import Flow, frozen
 if TYPE_CHECKING:
     from gsp.integration.watched_members import WatchedMembers
 
-# Steps between two looks at an interrupt, and rows of scratch in each thread.
-_RECORD = 128
 _QUANTILES = (0.05, 0.5, 0.95)
 _WORST_FIRST = (
     Status.NON_FINITE,
@@ -268,8 +266,8 @@ def integrate_many(
     watched = None
     if flow.is_reduced:
         watched = _watched(flow, members, t, span=(first, last), method=chosen, control=control)
-    # A watched run looks at its steps as often as `integrate` does, between them too.
-    length = _RECORD if watched is None else LOOK
+    # Steps between two looks at an interrupt; a watched run looks at its steps as often as `integrate` does.
+    length = 128 if watched is None else LOOK
     ends = members.starts.copy()
     reached = np.full(m, first)
     kept = np.full((m, t.size, n), np.nan)
@@ -290,7 +288,7 @@ def integrate_many(
         def work(low: int, high: int, halt: np.ndarray) -> None:
             scratch = (rate, memory, record)
             if watched is None:
-                kernels.run_members(*shared, low, high, halt, *arrays, *scratch)
+                kernels.run_members(shared, low, high, halt, arrays, scratch)
             else:
                 watched.run(shared, low, high, halt, arrays, scratch)
 

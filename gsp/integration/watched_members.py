@@ -67,7 +67,7 @@ class WatchedMembers:
     def run(self, shared: tuple, low: int, high: int, halt: np.ndarray, arrays: Arrays, scratch: tuple) -> None:
         """Run the members low to high - 1 into their rows of `arrays`; `shared` and `scratch` are the kernel's."""
         *_, codes = arrays
-        run_watched_members(*shared, self._tests, low, high, halt, *arrays, self._clear, *scratch)
+        run_watched_members(shared, self._tests, low, high, halt, arrays, self._clear, scratch)
         alone = ~self._clear[low:high]
         for code in MAY_BE_LOSSES:
             alone |= codes[low:high] == code

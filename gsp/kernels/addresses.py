@@ -18,18 +18,25 @@ _REAL, _WHOLE, _TRUTH = types.float64, types.int64, types.boolean
 _REALS, _WHOLES = types.Array(_REAL, 1, "C"), types.Array(_WHOLE, 1, "C")
 _ROWS, _LAYERS = types.Array(_REAL, 2, "C"), types.Array(_REAL, 3, "C")
 
+STATE: Any = types.Tuple((_REALS, _REALS, _REALS, _WHOLES))
+RECORD: Any = types.Tuple((_REALS, _ROWS, _LAYERS))
+
 METHOD: Any = _WHOLE(
-    _WHOLES, _REALS, _REALS, _REAL, _REAL, _WHOLE, _REALS, _REALS, _REALS, _WHOLES, _REALS, _ROWS, _LAYERS
+    types.Tuple((_WHOLES, _REALS)), _REALS, types.Tuple((_REAL, _REAL, _WHOLE)), STATE, RECORD
 )  # fmt: skip
 """That of an integrator, as `integrator` says."""
 COLLOCATION_LOOPS: Any = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
-    _WHOLE, _WHOLE, _WHOLES, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS,
-    _WHOLES,
-)  # fmt: skip
+    types.Tuple((_WHOLE, _WHOLE, _WHOLES, _REALS)), _REAL, _WHOLE, STATE, types.UniTuple(_REAL, 4), _REALS
+)
 """That of `radau_loops.attempt_by_loops`."""
 
 JET: Any = types.void(
-    types.Array(_WHOLE, 2, "C"), _REALS, _WHOLES, _REAL, _WHOLE, _REALS, _REALS, _WHOLE, _ROWS, _LAYERS
+    types.Tuple((types.Array(_WHOLE, 2, "C"), _REALS, _WHOLES, _REAL, _WHOLE)),
+    _REALS,
+    _REALS,
+    _WHOLE,
+    _ROWS,
+    _LAYERS,
 )
 """That of `jets.flow_jet_with_tangents`."""
 SHEET: Any = types.boolean(_WHOLES, _REALS, _REALS)
@@ -48,33 +55,15 @@ def _at(address: Any, signature: Any) -> tuple[Any, Callable[..., Any]]:
     return signature.return_type(address, *signature.args), generate
 
 
-def _call_method(
-    context, address, program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
-):  # fmt: skip
+def _call_method(context, address, flow, stops, control, state, record):
     return _at(address, METHOD)
 
 
-def _call_collocation_loops(
-    context,
-    address,
-    field,
-    jacobian,
-    pattern,
-    p,
-    step,
-    stages,
-    y,
-    rate,
-    control,
-    twice,
-    memory,
-    block,
-    counters,
-):
+def _call_collocation_loops(context, address, flow, step, stages, state, control, block):
     return _at(address, COLLOCATION_LOOPS)
 
 
-def _call_jet(context, address, tape, constants, rates, epsilon, slow, x, y, order, v, d):
+def _call_jet(context, address, flow, x, y, order, v, d):
     return _at(address, JET)
 
 

@@ -24,11 +24,16 @@ from gsp.kernels.linear_algebra import factorise, solve
 
 
 @kernel
-def condense(field, jacobian, sensitivity, p, time, widths, A, b, z, stages, free, columns, relations):
+def condense(functions, p, time, orbit, rule, free, columns, relations):
     """Condense every element: relations[i] (n, n + free + 1) = [B_i | C_i | r_i]; False when one is singular.
 
     `columns` (N, n + free + 1, s n) gives dZ = columns[i, :n] dz_i + columns[i, n:n + free] dq + columns[i, n + free].
+    `functions` are the field, its Jacobian and its sensitivity; an `orbit` is its widths, points and stages; a `rule` A
+    and b.
     """
+    field, jacobian, sensitivity = functions
+    widths, z, stages = orbit
+    A, b = rule
     N, s, n = stages.shape
     rate, drift = empty((s, n)), empty((s, n))
     slopes = empty((s, n, n))
@@ -87,13 +92,15 @@ def condense(field, jacobian, sensitivity, p, time, widths, A, b, z, stages, fre
 
 
 @kernel
-def border(relations, columns, left, right, across, inner, target, shares, dz, dstages, dq):
-    """Solve the bordered system for every column of `target` (n + free, R); False when it is singular.
+def border(relations, columns, conditions, shares, steps):
+    """Solve the bordered system for every column of the target (n + free, R); False when it is singular.
 
-    The defects r of the orbit count shares[c] times in column c: 1 in Newton's method, 0 for a tangent. `inner`
-    (k, N + 1, n) belongs to the last k conditions. The steps are left in `dz` (R, N + 1, n), `dstages` (R, N, s, n) and
-    `dq` (R, free).
+    The `conditions` are left, right, across, inner (k, N + 1, n), of the last k, and target. The defects r
+    of the orbit count shares[c] times in column c: 1 in Newton's method, 0 for a tangent. The `steps` receive dz
+    (R, N + 1, n), dstages (R, N, s, n) and dq (R, free).
     """
+    left, right, across, inner, target = conditions
+    dz, dstages, dq = steps
     N, n = relations.shape[0], relations.shape[1]
     s, free, cases, inners = dstages.shape[2], dq.shape[1], target.shape[1], inner.shape[0]
     # Rows over (dz_0, dz_i, dz_(i+1), dq, 1): the pivot rows of each elimination are kept.

@@ -33,18 +33,21 @@ NON_STIFF_SIGNS = 6
 
 
 @kernel
-def dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+def dop853(flow, stops, control, state, record):
     """Advance until the last stop, a full record or a failure; see `integrator` for arguments and codes."""
+    program, p = flow
+    rtol, atol, max_steps = control
+    y, rate, memory, counters = state
+    times, states, dense = record
     n = y.shape[0]
     y_new = np.empty(n)
     rate_new = np.empty(n)
-    if not begin(
-        program[integrator.FIELD], p, y, rate, stops[-1], rtol, atol, 8, y_new, rate_new, memory, counters
-    ):
+    field, tolerances, start, new = (program[integrator.FIELD], p), (rtol, atol), (y, rate), (y_new, rate_new)
+    if not begin(field, state, stops[-1], tolerances, 8, new):
         return integrator.NON_FINITE
     rows = np.empty((DENSE_ROWS, n))
     # Made once: to make it would be a tenth of a step.
-    scratch = np.empty((SCRATCH, n))
+    room = (rows, np.empty((SCRATCH, n)))
     recorded = 0
     while True:
         code, t, step, t_new, clipped, hits_stop = next_step(
@@ -54,22 +57,7 @@ def dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, 
             return code
 
         wants = recorded < dense.shape[0]
-        error, failure, stretch = explicit_step(
-            program[integrator.FIELD],
-            p,
-            t,
-            step,
-            y,
-            rate,
-            rtol,
-            atol,
-            wants,
-            y_new,
-            rate_new,
-            rows,
-            scratch,
-            counters,
-        )
+        error, failure, stretch = explicit_step(field, (t, step), start, tolerances, wants, new, room, counters)
         if error <= 1.0:
             times[recorded] = t_new
             for i in range(n):

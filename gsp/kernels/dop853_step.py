@@ -15,8 +15,10 @@ SCRATCH = EXTENDED_STAGES + 3
 
 
 @inlined_kernel
-def _stage(s, shape, field, p, t, h, y, k, argument, value):
+def _stage(s, shape, flow, at, y, k, argument, value):
     """Rate s, the row k[s] of `k` (16, n), at `argument`; written in where it is called, the sum has no loop."""
+    field, p = flow
+    t, h = at
     _, n = shape
     for i in range(n):
         total = 0.0
@@ -79,12 +81,17 @@ def _stretch(h, shape, y_new, last_argument, k):
 
 
 @kernel
-def explicit_step(field, p, t, h, y, rate, rtol, atol, wants, y_new, rate_new, rows, scratch, counters):
+def explicit_step(flow, at, start, tolerances, wants, new, room, counters):
     """One step: (error over the tolerance, what is wrong if it is infinite, (h times a Lipschitz quotient)^2).
 
-    Where the step is good and its `rows` (6, n) of the dense output are wanted, they must be finite too.
-    `scratch` is (SCRATCH, n).
+    `flow` is (field, p), `at` (t, h), `start` and `new` a state and its rate. Where the step is good and its rows
+    (6, n) of the dense output are wanted, they must be finite too. `room` is for these and (SCRATCH, n).
     """
+    _, h = at
+    y, rate = start
+    rtol, atol = tolerances
+    y_new, rate_new = new
+    rows, scratch = room
     shape = rows.shape
     _, n = shape
     k = scratch[:EXTENDED_STAGES]
@@ -93,27 +100,27 @@ def explicit_step(field, p, t, h, y, rate, rtol, atol, wants, y_new, rate_new, r
     value = scratch[EXTENDED_STAGES + 2]
     for i in range(n):
         k[0, i] = rate[i]
-    _stage(1, shape, field, p, t, h, y, k, argument, value)
-    _stage(2, shape, field, p, t, h, y, k, argument, value)
-    _stage(3, shape, field, p, t, h, y, k, argument, value)
-    _stage(4, shape, field, p, t, h, y, k, argument, value)
-    _stage(5, shape, field, p, t, h, y, k, argument, value)
-    _stage(6, shape, field, p, t, h, y, k, argument, value)
-    _stage(7, shape, field, p, t, h, y, k, argument, value)
-    _stage(8, shape, field, p, t, h, y, k, argument, value)
-    _stage(9, shape, field, p, t, h, y, k, argument, value)
-    _stage(10, shape, field, p, t, h, y, k, argument, value)
-    _stage(11, shape, field, p, t, h, y, k, last_argument, value)
+    _stage(1, shape, flow, at, y, k, argument, value)
+    _stage(2, shape, flow, at, y, k, argument, value)
+    _stage(3, shape, flow, at, y, k, argument, value)
+    _stage(4, shape, flow, at, y, k, argument, value)
+    _stage(5, shape, flow, at, y, k, argument, value)
+    _stage(6, shape, flow, at, y, k, argument, value)
+    _stage(7, shape, flow, at, y, k, argument, value)
+    _stage(8, shape, flow, at, y, k, argument, value)
+    _stage(9, shape, flow, at, y, k, argument, value)
+    _stage(10, shape, flow, at, y, k, argument, value)
+    _stage(11, shape, flow, at, y, k, last_argument, value)
     # Row 13 of the tableau is the solution itself.
-    _stage(12, shape, field, p, t, h, y, k, y_new, rate_new)
+    _stage(12, shape, flow, at, y, k, y_new, rate_new)
     counters[integrator.FIELD_CALLS] += STAGES
     if not (all_finite(y_new) and all_finite(rate_new)):
         return math.inf, integrator.NON_FINITE, 0.0
     error = _error(h, shape, y, y_new, k, rtol, atol)
     if error <= 1.0 and wants:
-        _stage(13, shape, field, p, t, h, y, k, argument, value)
-        _stage(14, shape, field, p, t, h, y, k, argument, value)
-        _stage(15, shape, field, p, t, h, y, k, argument, value)
+        _stage(13, shape, flow, at, y, k, argument, value)
+        _stage(14, shape, flow, at, y, k, argument, value)
+        _stage(15, shape, flow, at, y, k, argument, value)
         counters[integrator.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
         _interpolate(shape, h, y, y_new, k, rows)
         for i in range(n):

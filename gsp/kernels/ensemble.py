@@ -7,7 +7,7 @@ import numpy as np
 from gsp.kernels import integrator
 from gsp.kernels.addresses import call_method
 from gsp.kernels.call import call
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.grid import read_grid
 from gsp.kernels.landing import correct
 from gsp.kernels.uncounted import uncounted, uncounted_record
@@ -17,22 +17,25 @@ NOT_FINISHED = integrator.RECORD_FULL
 
 
 @kernel
-def keep(corrects, program, p, control, record, new, stop, grid, before, kept, counters, memory):
-    """Enter the states at those of `grid` (m,) that the first `new` steps reach in `kept` (m, n), from number `before`.
+def _keep(corrects, flow, control, made, wanted, scratch):
+    """Enter the states at those of a grid (m,) that steps reach in `kept` (m, n); returns how many are entered by now.
 
-    `record` has the start in row 0; the run ends at `stop`. Where it `corrects` they are as `landing.correct` makes
-    them, with `memory` as scratch. Returns how many of the grid are entered by now.
+    `made` is a record with the start in row 0, how many steps of it are new, and where the run ends; `wanted` the grid,
+    how many of it are entered, and `kept`. Where it `corrects` they are as `landing.correct` makes them; `scratch`
+    are the counters and a memory.
     """
+    (times, states, dense), new, stop = made
+    grid, before, kept = wanted
     rtol, atol, _ = control
-    times, states, dense = record
-    n = states.shape[1]
     if before == grid.shape[0] or (grid.shape[0] == 1 and grid[0] == stop):
         # The end alone, where a step ends, is not read between steps.
         if before < grid.shape[0] and new > 0 and times[new] == stop:
-            for i in range(n):
+            for i in range(states.shape[1]):
                 kept[before, i] = states[new, i]
             before += 1
         return before
+    program, p = flow
+    counters, memory = scratch
     ends = times[: new + 1]
     reached = read_grid(ends, states[: new + 1], dense, grid, before, kept)
     if corrects and dense.shape[0] > 0:
@@ -43,61 +46,78 @@ def keep(corrects, program, p, control, record, new, stop, grid, before, kept, c
     return reached
 
 
-@kernel
-def run_piece(program, p, stops, control, y, rate, memory, counters, record):
-    """Advance a member by a record of steps behind row 0, which receives where it stands; the code and the steps."""
-    times, states, dense = record
-    rtol, atol, max_steps = control
-    times[0] = memory[integrator.TIME]
-    for i in range(y.shape[0]):
-        states[0, i] = y[i]
-    begun = counters[integrator.STEPS]
-    code = call_method(
-        program[integrator.METHOD], program, p, stops, rtol, atol, max_steps,
-        y, rate, memory, counters, times[1:], states[1:], dense,
-    )  # fmt: skip
-    return code, counters[integrator.STEPS] - begun
-
-
-@kernel
-def run_members(
-    corrects, program, constants, first, stops, grid, control, low, high, halt,
-    ends, reached, kept, counters, codes, rate, memory, record,
-):  # fmt: skip
-    """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
-
-    Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached` and `codes` (members,) is member i's:
-    p, its state (the start, then what was reached), the integrator's counters, the time reached and the code. `kept`
-    (members, m, n) receives the states at `grid` (m,), where `corrects` as
-    `landing.correct` makes them. `program` has its
-    loops. `control` is (rtol, atol, max_steps). `rate` (n,), `memory` and `record` (times, states, dense), with a row
-    for the start, are scratch of this call. No step is begun with a fresh record once `halt` (1,) is not 0.
-    """
-    program, stops, grid = uncounted(program), uncounted(stops), uncounted(grid)
-    constants, ends, kept, counters = (
-        uncounted(constants),
-        uncounted(ends),
-        uncounted(kept),
-        uncounted(counters),
+@inlined_kernel
+def uncounted_members(shared, arrays, scratch):
+    """What `run_members` takes, each array uncounted."""
+    corrects, program, constants, first, stops, grid, control = shared
+    ends, reached, kept, counters, codes = arrays
+    rate, memory, record = scratch
+    return (
+        (corrects, uncounted(program), uncounted(constants), first, uncounted(stops), uncounted(grid), control),
+        (uncounted(ends), uncounted(reached), uncounted(kept), uncounted(counters), uncounted(codes)),
+        (uncounted(rate), uncounted(memory), uncounted_record(record)),
     )
-    rate, memory, record = uncounted(rate), uncounted(memory), uncounted_record(record)
-    scratch = np.empty_like(memory)
+
+
+@inlined_kernel
+def begin_member(first, scratch):
+    """Put an integrator at the start of a run: the code and the number of times kept to begin with."""
+    rate, memory, _ = scratch
+    memory[:] = 0.0
+    memory[integrator.TIME] = first
+    rate[:] = 0.0
+    return integrator.RECORD_FULL, 0
+
+
+@kernel
+def run_piece(shared, arrays, scratch, i, before, spare):
+    """Advance member `i` by a record of steps; the code, how many steps, and how many of the grid are kept by now.
+
+    Row 0 of the record receives where the member stands, of which `before` times are kept. `spare`, of the memory's
+    size, is scratch.
+    """
+    corrects, program, constants, _, stops, grid, control = shared
+    ends, _, kept, counters, _ = arrays
+    rate, memory, record = scratch
+    times, states, dense = record
+    times[0] = memory[integrator.TIME]
+    for k in range(ends.shape[1]):
+        states[0, k] = ends[i, k]
+    begun = counters[i, integrator.STEPS]
+    flow = (program, constants[i])
+    code = call_method(
+        program[integrator.METHOD],
+        flow,
+        stops,
+        control,
+        (ends[i], rate, memory, counters[i]),
+        (times[1:], states[1:], dense),
+    )
+    new = counters[i, integrator.STEPS] - begun
+    made, wanted = (record, new, stops[-1]), (grid, before, kept[i])
+    return code, new, _keep(corrects, flow, control, made, wanted, (counters[i], spare))
+
+
+@kernel
+def run_members(shared, low, high, halt, arrays, scratch):
+    """Run the members low to high - 1 from a time to the last of some stops, each as if it were alone.
+
+    `shared` are whether values between steps are corrected, the program, with its loops, p of each member (members, k),
+    the time of the start, the stops (s,), the grid (m,) and (rtol, atol, max_steps). Row i of `arrays` is member i's:
+    its state (the start, then what was reached), the time reached, the states at the grid, where `shared` says so as
+    `landing.correct` makes them, the integrator's counters, and the code. `scratch` are a rate (n,), the integrator's
+    memory and a record with a row for the start. No step is begun with a fresh record once `halt` (1,) is not 0.
+    """
+    shared, arrays, scratch = uncounted_members(shared, arrays, scratch)
+    _, memory, _ = scratch
+    _, reached, _, _, codes = arrays
+    spare = np.empty_like(memory)
     for i in range(low, high):
         if halt[0] != 0:
             return
-        memory[:] = 0.0
-        memory[integrator.TIME] = first
-        rate[:] = 0.0
-        code = integrator.RECORD_FULL
-        before = 0
+        code, before = begin_member(shared[3], scratch)
         while code == integrator.RECORD_FULL and halt[0] == 0:
-            code, new = run_piece(
-                program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
-            )
-            before = keep(
-                corrects, program, constants[i], control, record, new, stops[-1], grid, before, kept[i], counters[i],
-                scratch,
-            )  # fmt: skip
+            code, _, before = run_piece(shared, arrays, scratch, i, before, spare)
         reached[i] = memory[integrator.TIME]
         codes[i] = code
 

@@ -2,7 +2,7 @@
 
 An integrator is resumable: all it knows lies in arrays of the caller's. Each one has the signature
 
-    method(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
+    method((program, p), stops, (rtol, atol, max_steps), (y, rate, memory, counters), (times, states, dense))
 
 and advances `y` (n,), its rate `rate` (n,), `memory` (MEMORY_SIZE,) and `counters` (COUNTERS_SIZE,) in place.
 Every accepted step fills one row of the record: its end in `times` (k,), its state in `states` (k, n), the

@@ -20,23 +20,9 @@ from gsp.kernels.compilation import kernel
 STATE, CONSTANT, ADD, SUBTRACT, MULTIPLY, DIVIDE, SHIFT, SCALE, QUOTIENT, SIGN = range(10)
 # From here on: v = F(u), u in row a, dv/du in row b; the number says which function.
 CHAIN = 20
-POWER = CHAIN
-EXP = CHAIN + 1
-LOG = CHAIN + 2
-SQRT = CHAIN + 3
-SIN = CHAIN + 4
-COS = CHAIN + 5
-TAN = CHAIN + 6
-SINH = CHAIN + 7
-COSH = CHAIN + 8
-TANH = CHAIN + 9
-ASIN = CHAIN + 10
-ACOS = CHAIN + 11
-ATAN = CHAIN + 12
-ASINH = CHAIN + 13
-ACOSH = CHAIN + 14
-ATANH = CHAIN + 15
-ERF = CHAIN + 16
+(
+    POWER, EXP, LOG, SQRT, SIN, COS, TAN, SINH, COSH, TANH, ASIN, ACOS, ATAN, ASINH, ACOSH, ATANH, ERF,
+) = range(CHAIN, CHAIN + 17)  # fmt: skip
 
 
 @kernel
@@ -178,11 +164,13 @@ def tangents(tape, constants, v, d, k, states):
 
 
 @kernel
-def flow_jet_with_tangents(tape, constants, rates, epsilon, slow, x, y, order, v, d):
+def flow_jet_with_tangents(flow, x, y, order, v, d):
     """Fill rows 0..n-1 of `v` with the coefficients 0..order of the orbit through (x, y), in fast time.
 
-    d[i] gets the derivatives of `v` by y_i; where `d` has no rows there are none.
+    `flow` is (tape, constants, rates, epsilon, how many x). d[i] gets the derivatives of `v` by y_i; where `d` has no
+    rows there are none.
     """
+    tape, constants, rates, epsilon, slow = flow
     states = rates.shape[0]
     fast = d.shape[0]
     for i in range(slow):

@@ -50,8 +50,8 @@ def land(program, p, tolerances, steps, grid, out, doubtful, memory):
         while code == integrator.RECORD_FULL:
             # What was one step is a step or two again.
             code = call_method(
-                program[integrator.METHOD], program, p, grid[j : j + 1], rtol, atol, 100,
-                y, rate, memory, spent, ends, between, dense[:0],
+                program[integrator.METHOD], (program, p), grid[j : j + 1], (rtol, atol, 100),
+                (y, rate, memory, spent), (ends, between, dense[:0]),
             )  # fmt: skip
         if code == integrator.FINISHED:
             for i in range(n):

@@ -60,6 +60,18 @@ def _record(head):
     return times, states, states + (head[LENGTH] + 1) * head[STATES]
 
 
+@inlined_kernel
+def _steps_ahead(head, run_array):
+    """Room for the times, the states and the dense output of the record's steps, behind the start."""
+    n = head[STATES]
+    record, states, dense = _record(head)
+    return (
+        run_array[record + 1 : states],
+        run_array[states + n : dense].reshape((head[LENGTH], n)),
+        run_array[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
+    )
+
+
 @kernel
 def launch(program, run_array):
     """Begin a run, or go on with it."""
@@ -70,7 +82,7 @@ def launch(program, run_array):
     constants = Y + n
     stops = constants + head[CONSTANTS]
     work = stops + head[STOPS]
-    record, states, dense = _record(head)
+    record, states, _ = _record(head)
     rate = record - n
     memory = run_array[work : work + head[MEMORY]]
     y = run_array[Y:constants]
@@ -87,12 +99,13 @@ def launch(program, run_array):
     for i in range(n):
         run_array[states + i] = y[i]
     return call_method(
-        program[integrator.METHOD], program, p, run_array[stops:work], run_array[RTOL], run_array[ATOL], head[LIMIT],
-        y, run_array[rate:record], memory, counters,
-        run_array[record + 1 : states],
-        run_array[states + n : dense].reshape((head[LENGTH], n)),
-        run_array[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
-    )  # fmt: skip
+        program[integrator.METHOD],
+        (program, p),
+        run_array[stops:work],
+        (run_array[RTOL], run_array[ATOL], head[LIMIT]),
+        (y, run_array[rate:record], memory, counters),
+        _steps_ahead(head, run_array),
+    )
 
 
 @kernel
@@ -115,16 +128,15 @@ def launch_watched(program, functions, run_array):
     new = counters[integrator.STEPS] - before
     n = head[STATES]
     p = run_array[Y + n : Y + n + head[CONSTANTS]]
-    record, states, dense = _record(head)
+    record, states, _ = _record(head)
     signs = run_array[record - n - functions[WATCHED] : record - n]
     start = run_array[states : states + n]
     if begins and (new == 0 or not begins_clear(functions, p, signs, run_array[record], start)):
         return integrator.LOOK_WANTED
+    times, later, between = _steps_ahead(head, run_array)
     if new and not clear_of_zero(
-        functions, p, signs, run_array[record], start, run_array[record + 1 : record + new + 1],
-        run_array[states + n : dense].reshape((head[LENGTH], n)),
-        run_array[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
-    ):  # fmt: skip
+        functions, p, signs, (run_array[record], start), (times[:new], later, between)
+    ):
         return integrator.LOOK_WANTED
     return code
 

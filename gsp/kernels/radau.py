@@ -40,6 +40,7 @@ from gsp.kernels.radau_iteration import (
     FAILURE_FACTOR,
     GOING_ON,
     change_allowed,
+    estimates_twice,
     failure_of,
     judge,
     most_rounds,
@@ -97,11 +98,13 @@ def _keep_what_falls(memory, step, n, stages):
 
 
 @kernel
-def _attempt_by_code(program, p, step, stages, control, twice, memory, block, counters):
+def _attempt_by_code(flow, step, stages, state, control, block):
     """`radau_loops.attempt_by_loops` by the flow's own code, the functions of `lowering.steps.collocation` on `block`.
 
     Where the pivots cannot be used or something is not finite it says so by `integrator.NON_FINITE`.
     """
+    program, p = flow
+    _, _, memory, counters = state
     _, _, tolerance, gap_share = control
     begin_code = program[integrator.CODE]
     round_code = program[integrator.CODE + 1]
@@ -122,7 +125,7 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
         return math.inf, rounds, factor, failure_of(verdict)
     call(program[integrator.CODE + 2], step, memory, p, block)
     counters[integrator.FIELD_CALLS] += 1
-    if twice and block[ERROR] >= 1.0:
+    if block[ERROR] >= 1.0 and estimates_twice(counters):
         call(program[integrator.CODE + 3], step, memory, p, block)
         counters[integrator.FIELD_CALLS] += 1
     error = max(block[ERROR], gap_share * block[GAP])
@@ -133,8 +136,12 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
 
 
 @kernel
-def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+def radau(flow, stops, control, state, record):
     """Advance until the last stop, a full record or a failure; see `integrator` for arguments and codes."""
+    program, p = flow
+    rtol, atol, max_steps = control
+    y, rate, memory, counters = state
+    times, states, dense = record
     field = program[integrator.FIELD]
     stages = dense.shape[1]
     n = y.shape[0]
@@ -148,22 +155,20 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     padded = np.empty(size + 7)
     skipped = -(padded.ctypes.data // 8) % 8
     block = padded[skipped : skipped + size]
-    pattern = pattern_of(program)
+    equations = (field, program[integrator.JACOBIAN], pattern_of(program), p)
     end = POINT + END * n
 
     if memory[CONTRACTION] == 0.0:
         memory[CONTRACTION] = 1.0
-    control = _control(rtol, atol, stages)
-    block[RTOL], block[ATOL] = control[0], control[1]
+    controlled = _control(rtol, atol, stages)
+    block[RTOL], block[ATOL] = controlled[0], controlled[1]
     exponent = -1.0 / (stages + 1)
     # Gustafsson's memory never falls below this (RADAU).
     largest_growth = 1e-2**exponent
     most = most_rounds(stages)
     work = block[POINT : POINT + n]
     work_rate = block[end : end + n]
-    if not begin(
-        field, p, y, rate, stops[-1], control[0], control[1], stages, work, work_rate, memory, counters
-    ):
+    if not begin((field, p), state, stops[-1], controlled[:2], stages, (work, work_rate)):
         return integrator.NON_FINITE
     for i in range(n):
         block[POINT + i] = y[i]
@@ -182,16 +187,13 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
             _keep_what_falls(memory, step, n, stages)
         counters[integrator.JACOBIAN_CALLS] += 1
         counters[integrator.DECOMPOSITIONS] += 1
-        twice = counters[integrator.STEPS] == 0 or counters[integrator.JUST_REJECTED] == 1
         error = math.inf
         rounds = 0
         factor = FAILURE_FACTOR
         failure = integrator.NON_FINITE
         field_calls = counters[integrator.FIELD_CALLS]
         if coded:
-            error, rounds, factor, failure = _attempt_by_code(
-                program, p, step, stages, control, twice, memory, block, counters
-            )
+            error, rounds, factor, failure = _attempt_by_code(flow, step, stages, state, controlled, block)
         if failure == integrator.NON_FINITE:
             # The loops pivot, and say what is wrong where that does not help.
             if program[integrator.LOOPS] == 0:
@@ -200,9 +202,8 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
                 counters[integrator.FIELD_CALLS] = field_calls
                 return integrator.LOOPS_WANTED
             error, rounds, factor, failure = call_collocation_loops(
-                program[integrator.LOOPS], field, program[integrator.JACOBIAN], pattern, p, step, stages, y, rate,
-                control, twice, memory, block, counters,
-            )  # fmt: skip
+                program[integrator.LOOPS], equations, step, stages, state, controlled, block
+            )
         safety = SAFETY * (2 * most + 1) / (2 * most + rounds)
 
         if error <= 1.0:

@@ -39,6 +39,12 @@ def failure_of(verdict):
 
 
 @kernel
+def estimates_twice(counters):
+    """Whether a large estimate is made again, (8.20): at the start, and after a step that was rejected."""
+    return counters[integrator.STEPS] == 0 or counters[integrator.JUST_REJECTED] == 1
+
+
+@kernel
 def change_allowed(theta):
     """How many times as long the next step may be, after one in which the iteration contracted by `theta`."""
     # Steps do not grow beyond the one in which theta would be 0.2, as if theta went with the step's square, and one

@@ -16,6 +16,7 @@ from gsp.kernels.radau_iteration import (
     CONVERGED,
     FAILURE_FACTOR,
     GOING_ON,
+    estimates_twice,
     failure_of,
     judge,
     most_rounds,
@@ -78,11 +79,14 @@ def _multiply(matrices, x, out):
 
 
 @kernel
-def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, right):
+def _round(flow, at, y, weight, pattern, system, z, room):
     """One round for the rises `z` (stages, n), of the norm that is returned.
 
     The residual is h A F - Z, not multiplied by A^-1: the rises are then exact to rounding.
     """
+    field, p = flow
+    t, step = at
+    f, w, value, b, right = room
     stages, n = z.shape
     family = (stages - 5) // 2
     for a in range(stages):
@@ -149,13 +153,13 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
 
 
 @kernel
-def attempt_by_loops(
-    field, jacobian, pattern, p, step, stages, y, rate, control, twice, memory, block, counters
-):  # fmt: skip
+def attempt_by_loops(flow, step, stages, state, control, block):
     """Fill the end and the lines of `block`: (error over tolerance, rounds, factor if it is infinite, failure then).
 
-    `control` is (rtol, atol, the iteration's tolerance, share of the gap); with `twice` a large estimate is made again.
+    `flow` is (field, jacobian, pattern, p), `control` (rtol, atol, the iteration's tolerance, share of the gap).
     """
+    field, jacobian, pattern, p = flow
+    y, rate, memory, counters = state
     rtol, atol, tolerance, gap_share = control
     n = y.shape[0]
     family = (stages - 5) // 2
@@ -190,6 +194,7 @@ def attempt_by_loops(
         return math.inf, 0, FAILURE_FACTOR, integrator.SINGULAR_JACOBIAN
     system = (real, complexes, quads, pivots, complex_pivots)
     right = np.empty(QUAD * n if quads.shape[0] != 0 else 0)
+    room = (f, w, value, b, right)
     for i in range(n):
         weight[i] = 1.0 / (atol + rtol * abs(y[i]))
     most = most_rounds(stages)
@@ -199,7 +204,7 @@ def attempt_by_loops(
     rounds = 0
     while verdict == GOING_ON:
         rounds += 1
-        norm = _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, right)
+        norm = _round((field, p), (t, step), y, weight, pattern, system, z, room)
         verdict, factor, now = judge(rounds, most, norm, now, tolerance)
     counters[integrator.FIELD_CALLS] += rounds * stages
     if verdict != CONVERGED:
@@ -214,7 +219,7 @@ def attempt_by_loops(
         defect[i] = rate[i] - slope[i]
     solve_shifted(pattern, real, pivots, defect)
     error, gap = _errors(defect, w, y, y_new, rtol, atol)
-    if error >= 1.0 and twice:
+    if error >= 1.0 and estimates_twice(counters):
         # (8.20), for a start off the slow manifold.
         for i in range(n):
             value[i] = y[i] + defect[i]

@@ -34,23 +34,25 @@ _CLEAR, _CROSSED, _BENT = range(3)
 
 
 @kernel
-def clear_of_zero(functions, p, signs, time, state, times, states, dense):
+def clear_of_zero(functions, p, signs, start, steps):
     """True when every watched function surely keeps its sign over the steps.
 
     Each of the values (w,) that `functions` gives over a state must have its sign of `signs` (w,) at `LOOKS` points of
     every step, and be further from zero than `DIP` times the second differences beside it, as the search has it; if
-    only the latter fails, at `CLOSER_LOOKS` points. The steps start at `time` with `state` (n,); `times` (k,), `states`
-    (k, n) and `dense` (k, rows, n) as in `integrator`.
+    only the latter fails, at `CLOSER_LOOKS` points. The `steps` start at a time with a state (n,); their
+    times (k,), states (k, n) and dense output (k, rows, n) as in `integrator`.
     """
-    found = _look(LOOKS, functions, p, signs, time, state, times, states, dense)
+    found = _look(LOOKS, functions, p, signs, start, steps)
     if found == _BENT:
-        found = _look(CLOSER_LOOKS, functions, p, signs, time, state, times, states, dense)
+        found = _look(CLOSER_LOOKS, functions, p, signs, start, steps)
     return found == _CLEAR
 
 
 @kernel
-def _look(pieces, functions, p, signs, time, state, times, states, dense):
+def _look(pieces, functions, p, signs, start, steps):
     """What `pieces` points of every step say of the watched functions."""
+    time, state = start
+    times, states, dense = steps
     n = state.shape[0]
     rows = dense.shape[1]
     watched = signs.shape[0]
@@ -74,8 +76,8 @@ def _look(pieces, functions, p, signs, time, state, times, states, dense):
                 total = 0.0
                 for q in range(rows - 1, -1, -1):
                     total = dense[k, q, i] + (s if q % 2 == 0 else r) * total
-                start = state[i] if k == 0 else states[k - 1, i]
-                z[i] = r * start + s * states[k, i] + s * r * total
+                begun = state[i] if k == 0 else states[k - 1, i]
+                z[i] = r * begun + s * states[k, i] + s * r * total
             call(along, t0 + s * (times[k] - t0), z, p, out)
             for c in range(watched):
                 value = out[c] * signs[c]

@@ -50,13 +50,14 @@ def _euler(slow_jacobian, p, z, slow, way, factors, pivots, step):
 
 
 @kernel
-def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tolerance, rounds):
+def follow_sheet(functions, p, x, y, target, pieces, tolerance, rounds):
     """Follow the sheet from (x, y) to `target` (n_slow,) in `pieces` equal steps; True if each can be trusted.
 
-    The compiled functions give g (n,), g_y (n, n) and g_x (n, n_slow) at z = (x, y). `y` (n,) becomes the point over
+    The compiled `functions` give g (n,), g_y (n, n) and g_x (n, n_slow) at z = (x, y). `y` (n,) becomes the point over
     the target. Newton's method ends at corrections of `tolerance` (1 + |y|) that are small beside |y| too, or one round
     later, or is given up after so many `rounds`.
     """
+    residual, jacobian, slow_jacobian = functions
     m = x.shape[0]
     n = y.shape[0]
     # One array: each that is allocated costs as much as a round on a small problem.
@@ -147,9 +148,8 @@ def reach_sheet(sheet, target, y):
     for pieces in sheet[5:tried]:
         for i in range(y.shape[0]):
             y[i] = numbers[m + i]
-        if follow_sheet(
-            sheet[0], sheet[1], sheet[2], numbers[2 * n - 1 :], numbers[1:m], y, scaled, pieces, numbers[0], sheet[3],
-        ):  # fmt: skip
+        functions = (sheet[0], sheet[1], sheet[2])
+        if follow_sheet(functions, numbers[2 * n - 1 :], numbers[1:m], y, scaled, pieces, numbers[0], sheet[3]):
             for i in range(y.shape[0]):
                 y[i] *= units[m - 1 + i]
             return True

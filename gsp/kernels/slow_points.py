@@ -31,8 +31,7 @@ PATIENCE = 8
 
 @inlined_kernel
 def _jet(flow, x, y, order, v, d):
-    jet, tape, constants, rates, epsilon, slow = flow
-    call_jet(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d)
+    call_jet(flow[0], flow[1:], x, y, order, v, d)
 
 
 @kernel

@@ -70,12 +70,17 @@ def step_ahead(stops, t, proposal, counters):
 
 
 @kernel
-def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
+def initial_step(flow, t, start, end, tolerances, order, work):
     """First step, signed, from `t` towards `end`; costs one call of the field.
 
     Hairer, Norsett, Wanner (1993), section II.4, "starting step size" (hinit), with time in units of |y|/|y'|:
     the printed rule h^order max(|y'|, |y''|) = 0.01 mixes units, this one scales with time.
+    `flow` is (field, p), `start` (y, rate), `tolerances` (rtol, atol), and `work` room for a state and a rate.
     """
+    field, p = flow
+    y, rate = start
+    rtol, atol = tolerances
+    ahead, work_rate = work
     n = y.shape[0]
     size = 0.0
     speed = 0.0
@@ -94,8 +99,8 @@ def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
     unit = 100.0 * h
     forward = math.copysign(h, end - t)
     for i in range(n):
-        work[i] = y[i] + forward * rate[i]
-    call(field, t + forward, work, p, work_rate)
+        ahead[i] = y[i] + forward * rate[i]
+    call(field, t + forward, ahead, p, work_rate)
     bend = 0.0
     for i in range(n):
         bend += ((work_rate[i] - rate[i]) / (atol + rtol * abs(y[i]))) ** 2
@@ -111,8 +116,10 @@ def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
 
 
 @kernel
-def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, counters):
-    """Fill `rate` and the first step if there is none yet; False when the field is not finite at the start."""
+def begin(flow, state, end, tolerances, order, work):
+    """Fill the rate and the first step if there is none yet; False when the field is not finite at the start."""
+    field, p = flow
+    y, rate, memory, counters = state
     if memory[integrator.STEP] != 0.0:
         return True
     t = memory[integrator.TIME]
@@ -120,7 +127,7 @@ def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, co
     counters[integrator.FIELD_CALLS] += 1
     if not all_finite(rate):
         return False
-    h = initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate)
+    h = initial_step(flow, t, (y, rate), end, tolerances, order, work)
     memory[integrator.STEP] = math.copysign(max(abs(h), smallest_step(t)), h)
     counters[integrator.FIELD_CALLS] += 1
     return True

@@ -7,7 +7,7 @@ import numpy as np
 from gsp.kernels import ensemble, integrator
 from gsp.kernels.compilation import kernel
 from gsp.kernels.scan import begins_clear, clear_of_zero
-from gsp.kernels.uncounted import uncounted, uncounted_record
+from gsp.kernels.uncounted import uncounted
 
 
 @kernel
@@ -20,57 +20,27 @@ def begin_members(functions, constants, first, starts, signs, clear):
 
 
 @kernel
-def run_watched_members(
-    corrects, program, constants, first, stops, grid, control, tests, low, high, halt,
-    ends, reached, kept, counters, codes, ordinary, rate, memory, record,
-):  # fmt: skip
+def run_watched_members(shared, tests, low, high, halt, arrays, ordinary, scratch):
     """`ensemble.run_members`, each record of steps looked at by `clear_of_zero` as it is full.
 
     `tests` are (functions, signs (members, w)) for `clear_of_zero`. A member whose entry of `ordinary` (members,) is
     False is not begun; the entry becomes False, and the member is left where it is, when a look does not find its steps
     clear.
     """
-    program, stops, grid = uncounted(program), uncounted(stops), uncounted(grid)
-    constants, ends, kept, counters = (
-        uncounted(constants),
-        uncounted(ends),
-        uncounted(kept),
-        uncounted(counters),
-    )
-    rate, memory, record = uncounted(rate), uncounted(memory), uncounted_record(record)
-    times, states, dense = record
-    scratch = np.empty_like(memory)
+    shared, arrays, scratch = ensemble.uncounted_members(shared, arrays, scratch)
+    _, memory, (times, states, dense) = scratch
+    _, reached, _, _, codes = arrays
+    spare = np.empty_like(memory)
     functions, signs = uncounted(tests[0]), uncounted(tests[1])
     for i in range(low, high):
         if halt[0] != 0:
             return
         if not ordinary[i]:
             continue
-        memory[:] = 0.0
-        memory[integrator.TIME] = first
-        rate[:] = 0.0
-        code = integrator.RECORD_FULL
-        before = 0
+        code, before = ensemble.begin_member(shared[3], scratch)
         while code == integrator.RECORD_FULL and halt[0] == 0 and ordinary[i]:
-            code, new = ensemble.run_piece(
-                program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
-            )
-            before = ensemble.keep(
-                corrects,
-                program,
-                constants[i],
-                control,
-                record,
-                new,
-                stops[-1],
-                grid,
-                before,
-                kept[i],
-                counters[i],
-                scratch,
-            )
-            ordinary[i] = clear_of_zero(
-                functions, constants[i], signs[i], times[0], states[0], times[1 : new + 1], states[1:], dense
-            )
+            code, new, before = ensemble.run_piece(shared, arrays, scratch, i, before, spare)
+            steps = (times[1 : new + 1], states[1:], dense)
+            ordinary[i] = clear_of_zero(functions, shared[2][i], signs[i], (times[0], states[0]), steps)
         reached[i] = memory[integrator.TIME]
         codes[i] = code

@@ -120,7 +120,7 @@ def test_a_step_that_may_lead_to_another_sheet_is_not_trusted():
     # From x = 2 the sheet ends at y = -2/3; Newton's method alone would find a point of the other one.
     y = y0.copy()
     for pieces in (1, 4, 16):
-        assert not follow_sheet(*branch._sheet[:3], p, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
+        assert not follow_sheet(tuple(branch._sheet[:3]), p, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
     assert np.array_equal(y, y0)
 
 
@@ -197,9 +197,8 @@ def looked_along(value, times: np.ndarray) -> tuple[bool, int]:
     functions = np.zeros(COLUMNS + 1, np.int64)
     functions[WATCHED], functions[WATCHED + 1] = 1, ctypes.cast(called, ctypes.c_void_p).value
     rest, dense = times[1:], np.zeros((len(times) - 1, 2, 1))
-    clear = clear_of_zero(
-        functions, np.zeros(1), np.ones(1), times[0], times[:1].copy(), rest.copy(), rest[:, None].copy(), dense
-    )
+    start, steps = (times[0], times[:1].copy()), (rest.copy(), rest[:, None].copy(), dense)
+    clear = clear_of_zero(functions, np.zeros(1), np.ones(1), start, steps)
     return clear, len(asked)
 
 

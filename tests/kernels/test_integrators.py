@@ -80,18 +80,11 @@ class Run:
         dense = np.empty((self.capacity if self.keeps_dense else 0, self.rows, n))
         before = self.counters[integrator.STEPS]
         code = self.kernel(
-            self.program,
-            NO_PARAMETERS,
+            (self.program, NO_PARAMETERS),
             self.stops,
-            *self.tolerances,
-            max_steps,
-            self.y,
-            self.rate,
-            self.memory,
-            self.counters,
-            times,
-            states,
-            dense,
+            (*self.tolerances, max_steps),
+            (self.y, self.rate, self.memory, self.counters),
+            (times, states, dense),
         )
         new = self.counters[integrator.STEPS] - before
         self.times.append(times[:new])

@@ -22,7 +22,7 @@ def followed(sheet: Branch, target: list[float], *, pieces: int = 1, rounds: int
     assert sheet.seed is not None
     x0, y0 = (np.array(part, dtype=float) for part in sheet.seed)
     p = np.array(sheet._values, dtype=float)
-    reached = follow_sheet(*sheet._sheet[:3], p, x0, y0, np.array(target), pieces, 1e-12, rounds)
+    reached = follow_sheet(tuple(sheet._sheet[:3]), p, x0, y0, np.array(target), pieces, 1e-12, rounds)
     return y0 if reached else None
 
 

@@ -96,7 +96,9 @@ class Ending:
     ) -> bool:
         """Whether all test functions surely stay positive over these steps."""
         signs = self._orientation[list(self.validity.varying)]
-        return clear_of_zero(self.validity.functions, self.stepper.p, signs, time, state, times, states, dense)
+        return clear_of_zero(
+            self.validity.functions, self.stepper.p, signs, (time, state), (times, states, dense)
+        )
 
     def stuck(self, time: float, times: np.ndarray, states: np.ndarray) -> Settled | None:
         """The ending of a run that has made these steps since `time` and gets nowhere.

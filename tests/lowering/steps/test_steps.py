@@ -139,9 +139,8 @@ def test_a_step_written_for_a_flow_is_that_of_the_loops(n, density):
         memory[integrator.STEP] = 0.02
         times, states = np.empty(1), np.empty((1, n))
         dense = np.empty((1, 5, n))
-        code = radau(
-            program, p, np.array([1.0]), 1e-3, 1e-3, 100, y, rate, memory, counters, times, states, dense
-        )
+        state, record = (y, rate, memory, counters), (times, states, dense)
+        code = radau((program, p), np.array([1.0]), (1e-3, 1e-3, 100), state, record)
         assert code == integrator.RECORD_FULL
         records.append((times, states, dense, rate))
     for one, other in zip(*records):
