@@ -151,6 +151,19 @@ def test_a_step_holds_every_solution_that_begins_in_it(name: str, length: float)
             assert float(after.spread.upper()) <= 0.25 * np.exp(-length / SMALL) + 0.1 * length / SMALL
 
 
+def test_what_a_deviation_is_on_the_way_holds_a_rise_that_is_over_in_a_sixth_of_the_step() -> None:
+    """U' = (1/6 - 1024 t) U over (0, h), h = 1/1024: in the mean U falls, and at t = h/6 it is exp(h/72) U_0."""
+    manifold = series({s: sp.Integer(1), x: (R(1, 6) - 1024 * s) * x}, {y: -y}, 1)
+    with flint.ctx.workprec(balls.PRECISION):
+        flow, h = DeviationFlow(Invariance(manifold, values={}), arb(SMALL)), arb(1) / 1024
+        span = Span(h, [h / 2, arb(0)], [arb(0).union(h), arb(0)], [arb(1), arb(0)])
+        moved = flow.step(deviation([arb(0), arb(1)], [arb(0)]), span)
+        assert moved is not None
+        after, worst = moved
+        assert float(worst.upper()) >= np.exp(1 / 1024 / 72)
+        assert after.slow_box()[1].contains((-h / 3).exp())
+
+
 def test_a_step_over_which_nothing_attracts_is_none() -> None:
     manifold = series({x: sp.Integer(1)}, {y: (x - R(1, 2)) * y + x}, 1)
     with flint.ctx.workprec(balls.PRECISION):

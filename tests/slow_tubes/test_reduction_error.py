@@ -14,7 +14,7 @@ from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.verdict import ProofVerdict
 from gsp.slow_tubes import deviation
-from gsp.slow_tubes.reduction_error import _Run, bound_reduction
+from gsp.slow_tubes.reduction_error import ReductionBound, _Run, bound_reduction
 from gsp.slow_tubes.validated_flow import solution_steps
 from tests.cases import sampled, thinned
 from tests.slow_tubes.test_slow_tube import a, epsilon, michaelis_menten, s, saddle, series, sleigh, v, w, x, y
@@ -69,6 +69,13 @@ def test_michaelis_menten_within_a_hundredth_of_the_error(
     assert last <= bound.slow[-1] <= 1.01 * last
     # Work: the steps that were asked for, a few in the layer, and the ends of the steps of the flow.
     assert len(bound.times) < 300
+
+
+def test_what_is_printed_is_the_bound_over_all_times_and_that_at_the_end() -> None:
+    times, slow = np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.25, 0.125])
+    found = ReductionBound(ProofVerdict.PROVED, "", 0.1, times, slow, slow, 0.375)
+    assert "[0, 2]" in str(found)
+    assert "<= 0.375 in the slow variables, <= 0.125 at the end" in str(found)
 
 
 @pytest.mark.exhaustive
