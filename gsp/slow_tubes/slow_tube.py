@@ -163,7 +163,7 @@ class _TubeSearch:
             else:
                 self._least(problems, epsilon)
             if self.best is None and problems:
-                reason = problems[0].why_none(epsilon or 0.0, self.series.branch.system.epsilon.name)
+                reason = problems[0].why_none(epsilon or 0.0, self.series.branch.system)
             if self.tally.spent:
                 reason += f"; a test spent its {self.tally.most} boxes"
         except NotInvariantError as error:
