@@ -12,7 +12,7 @@ import sympy as sp
 import gsp
 from gsp.sliding.piecewise_field import PiecewiseField
 from gsp.sliding.sliding_exit import sliding_exit
-from tests.cases import thinned
+from tests.cases import sampled
 from tests.rescaling import in_units
 
 eps, x, y, z, t = sp.symbols("epsilon x y z t")
@@ -107,7 +107,9 @@ ASKED: dict[str, Asked] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", thinned(list(ASKED)[::-1], 3))
+@pytest.mark.parametrize(
+    "name", sampled(ASKED, always=["an exit by the start", "a fold", "no fold", "a branch at zero"])
+)
 def test_what_is_asked_of_a_point_or_a_region_does_not_depend_on_units(name: str) -> None:
     ask, names = ASKED[name], "txyz"
     said, numbers, point = ask(dict.fromkeys(names, 0))
