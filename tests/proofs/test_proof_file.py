@@ -287,6 +287,7 @@ def test_the_checker_loads_nothing_of_the_prover() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.exhaustive
 def test_what_the_checker_refuses_is_told_with_its_place_its_reason_and_the_remedy(tmp_path: Path) -> None:
     # States of 1e-27, near what the checker rounds to.
     small = branch({y: x - y - 10**27 * y**2}, through={"x": 1e-28, "y": 1e-28})
