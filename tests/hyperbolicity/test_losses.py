@@ -632,7 +632,7 @@ def test_a_hopf_point_without_nonlinearity_says_that_l1_is_zero() -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "second"), [(1, 1), (1000, 1000), (sp.Rational(1, 10**5), 10**4), (10**6, 1)]
+    ("first", "second"), thinned([(1, 1), (1000, 1000), (sp.Rational(1, 10**5), 10**4), (10**6, 1)], 3)
 )
 def test_a_hopf_point_is_degenerate_in_all_units_or_in_none(first, second) -> None:
     """y = `first` Y and z = `second` Z of the cubic normal form, whose l1 is -2 for vectors of length 1."""
