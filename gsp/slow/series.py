@@ -20,13 +20,14 @@ import sympy as sp
 from gsp.algebra.circuits import CircuitRing
 from gsp.algebra.ring_elements import RingElement
 from gsp.critical.critical_manifold import Branch
-from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
+from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.slow.components import Components
 from gsp.slow.coordinates import Chart, moving
 from gsp.slow.expansion import Expansion
+from gsp.slow.missing_terms import without_value
 from gsp.slow.truncation import AHEAD, best, errors, least, past, units
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import as_points, check_epsilon, check_order
@@ -294,16 +295,11 @@ class SeriesManifold(Card):
         """(terms, the chart's coordinates, single) over `x`."""
         value = check_epsilon(epsilon)
         array, coordinates, single = self._on_branch(x, near)
-        system = self.branch.system
         terms = self.terms_at(coordinates, value)
         finite = np.isfinite(terms).all(axis=(1, 2))
         if not finite.all() and not masked:
-            point = array[np.argmin(finite)]
-            place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, point))
-            raise HyperbolicityError(
-                f"the series is singular at {place}: the fast Jacobian or a denominator vanishes there.",
-                "Stay on the normally hyperbolic part of the branch; classify() says where that is.",
-            )
+            i = int(np.argmin(finite))
+            raise without_value(self.branch, array[i], terms[i])
         return terms, coordinates, single
 
     def _last_with_digits(self, coordinates: np.ndarray, terms: np.ndarray, epsilon: float) -> np.ndarray:

@@ -284,6 +284,22 @@ def test_a_branch_that_is_nowhere_hyperbolic_is_refused() -> None:
         expand(branch_of(system), order=1)
 
 
+def test_a_term_whose_powers_are_beyond_doubles_is_not_called_singular() -> None:
+    """Eighth powers of 1e-9, as moles in a litre have them; in units of 1e-9 the term has a value."""
+    unit, half = sp.Rational(1, 10**9), sp.Rational(1, 2)
+
+    def at(unit: sp.Rational):
+        gate = 2 * unit * x**8 / (unit**8 + x**8)
+        system = SlowFastSystem(
+            slow={x: unit / 2 - x / 2 + y / 5}, fast={y: gate - y - x * y / (4 * unit)}, epsilon=eps
+        )
+        return expand(branch_of(system), order=2).evaluate(float(half * unit), 0.01)
+
+    assert np.isfinite(at(sp.Integer(1))).all()
+    with pytest.raises(HyperbolicityError, match=r"order 2 has no value in double precision at x = 5e-10"):
+        at(unit)
+
+
 def test_a_singular_point_is_named() -> None:
     series = expand(branch_of(systems.michaelis_menten()), order=2)
     with pytest.raises(HyperbolicityError, match="singular at s = -1"):
