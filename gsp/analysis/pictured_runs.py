@@ -18,6 +18,7 @@ from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import Flow, Point
 from gsp.systems.tolerances import absolute_tolerance
 
+# A run that has swung over the folds so often shows the whole phenomenon.
 SWINGS = 3
 
 

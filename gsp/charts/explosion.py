@@ -102,6 +102,7 @@ def canard_cycles(family: OrbitFamily, axes: Axes, *, names: tuple[str, str] | N
     measures = np.array([family.amplitude(across), family.amplitude(up), family.period])[:, : last + 1]
     measures /= measures.max(axis=1, keepdims=True)
     along = np.append(0.0, np.linalg.norm(np.diff(measures, axis=1), axis=0).cumsum())
+    # Nine cycles are drawn.
     lengths = np.linspace(0.0, along[-1], 10)[1:]
     rows = sorted({int(np.argmin(np.abs(along - w))) for w in lengths})
     curves = []

@@ -12,7 +12,7 @@ from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import GRID, LINE, box_points, margins, on_branch
 from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, name_axes
 
-# Points per axis where more than two slow variables are sampled, and what counts as no variation at all.
+# Points per axis where more than two slow variables are sampled.
 COARSE = 7
 
 
@@ -20,6 +20,7 @@ def has_constant_eigenvalues(analysis: Analysis) -> bool:
     """Whether the fast eigenvalues are the same all over the region, so that there is nothing to draw over it."""
     values = np.sort_complex(_sampled(analysis, COARSE)[1])
     values = values[np.isfinite(values).all(axis=1)]
+    # Less is no variation at all.
     return bool(
         np.ptp(np.real(values), axis=0).max() + np.ptp(np.imag(values), axis=0).max()
         < 1e-9 * np.abs(values).max()

@@ -36,6 +36,7 @@ def streamlines(
         if _at(taken, seeds[i : i + 1])[0]:
             continue
         line = np.vstack([_free(back[:, i], close)[::-1], seeds[i : i + 1], _free(ahead[:, i], close)])
+        # A shorter line is not drawn.
         if len(line) * STEP < 0.06:
             continue
         _mark(taken, line, wide)

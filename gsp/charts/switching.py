@@ -38,6 +38,7 @@ def switches(simulation: Simulation, axes: Axes, *, names: tuple[str, str] | Non
     drawn: set[str] = set()
     corners: list[np.ndarray] = []
     for piece in simulation.pieces:
+        # Beside the ends of its steps a piece is drawn at so many times.
         times = np.union1d(piece.times, np.linspace(piece.begin, piece.end, 120))
         # A time that belongs to two pieces is that of the one before: each piece is sampled from its own run.
         run = piece.run.sample(times)

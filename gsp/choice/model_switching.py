@@ -229,6 +229,7 @@ class _Switcher:
     ) -> tuple[tuple[_Sheet, str] | None, float, dict[str, float]]:
         """The full system from `state` until it has landed: ((where, how), when, the state), or None and the end."""
         record = self.record
+        # The first piece is of so many fast times.
         length = 30.0 * self.fast_time
         while t < self.last:
             end = self.last if t + 1.5 * length >= self.last else t + length

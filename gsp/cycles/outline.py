@@ -173,10 +173,9 @@ class Outliner:
                 slow = np.where(side * values[0] < 0.0, self.epsilon * values[0] / (FOLLOWED * values[1]), 0.0)
             if not np.isfinite(slow).all() or (values[1][slow != 0.0] <= 0.0).any():
                 return None
-            # The steepest part of an edge decides: it is not to be much steeper than the rest where that is seen.
+            # The steepest part of an edge decides: it is not to be much steeper than the mean where that is seen, in a
+            # slope that moves a jump by a twentieth of its delay.
             steepest = np.abs(slow).max()
-            # A slope is seen that moves a jump by this share of its delay.
-            # Nor is an edge's slope much more than the mean of what it might be.
             if steepest > max(1.3 * np.abs(slow).mean(), 0.05 * self.delays[k] / frame.sizes[1]) and h > least:
                 return None
             return x + h * float(slow[np.abs(slow).argmax()]), level if h == level - y else y + h

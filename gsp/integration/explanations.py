@@ -14,7 +14,7 @@ from gsp.systems.flow import Flow
 
 # A backward run whose fast directions grow by more than e to this has lost every digit.
 LOST = 36.0
-# A solution that has grown this much, by a power law that three of its points agree on to so much, is blowing up.
+# A solution that has grown this much, by a power law that three of its points agree on, is blowing up.
 GROWN = 1e3
 _FAILED = (Status.NON_FINITE, Status.STEP_TOO_SMALL, Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN)
 
@@ -88,6 +88,7 @@ def _pole(flow: Flow, p: np.ndarray, record: RunRecord) -> str:
         c, b, a = chosen
         slopes = [(ratio[j] - ratio[i_]) / (t[j] - t[i_]) for i_, j in ((a, b), (b, c))]
         power = -1.0 / slopes[1]
+        # They agree to this share.
         agree = abs(slopes[0] - slopes[1]) <= 0.02 * abs(slopes[1])
     if not (agree and np.isfinite(power) and power > 0.0):
         return ""

@@ -90,6 +90,7 @@ def dop853(flow, stops, control, state, record):
             if counters[integrator.NEXT_STOP] == stops.shape[0]:
                 return integrator.FINISHED
         else:
+            # Without an estimate, where a value is not finite.
             factor = 0.1
             if math.isfinite(error):
                 factor = max(MINIMUM_FACTOR, SAFETY * error**-EXPONENT)

@@ -163,7 +163,8 @@ class _TubeSearch:
             else:
                 self._least(problems, epsilon)
             if self.best is None and problems:
-                reason = problems[0].why_none(epsilon or 0.0, self.series.branch.system)
+                small = self.series.branch.system.epsilon.name
+                reason = problems[0].why_none(epsilon or 0.0, small, [s.name for s in self.x])
             if self.tally.spent:
                 reason += f"; a test spent its {self.tally.most} boxes"
         except NotInvariantError as error:

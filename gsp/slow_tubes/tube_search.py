@@ -6,7 +6,7 @@ import heapq
 import itertools
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,7 +19,6 @@ from gsp.slow_tubes.adapted_basis import AdaptedBasis
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import NARROWEST, Isolation, Tally, norm
 from gsp.slow_tubes.solved_flow import SolvedFlow
-from gsp.systems.system import SlowFastSystem
 
 # The width of a tube is found to this share.
 NARROW = 1.005
@@ -184,23 +183,25 @@ class TubeSearch:
             return known
         return ProvedTube(self, epsilon, widths, () if found is None else (found,), self.tally.tried)
 
-    def why_none(self, epsilon: float, system: SlowFastSystem) -> str:
-        """Why no tube may have been proved isolating, where, and what to change: by samples at an `epsilon`."""
+    def why_none(self, epsilon: float, small: str, names: Sequence[str]) -> str:
+        """Why no tube may have been proved isolating, where, and what to change: by samples at an `epsilon`, which is
+        called `small`, over sides with these `names`.
+        """
         isolation = self.over(epsilon, epsilon)
         rates = [(isolation.decay(point), point.tolist()) for point in self._samples((epsilon,))]
         # A rate that is not known, NaN, is none.
         rate, at = min((rate if rate > 0.0 else -math.inf, at) for rate, at in rates)
-        place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, at))
+        place = ", ".join(f"{name} = {v:.6g}" for name, v in zip(names, at))
         if rate > 0.0:
             return (
                 "no tube was proved isolating: what the series leaves over is too large for the fast directions, which "
                 f"are weakest near {place}, with a rate of about {rate:.3g}. "
-                f"Lower {system.epsilon}, or shrink the region"
+                f"Lower {small}, or shrink the region"
             )
         return (
             f"no tube was proved isolating: near {place} a fast direction does not shrink, or grow, as in the middle "
-            f"of the region, or nothing is known of it, at {system.epsilon} = {epsilon:g}. "
-            "Take a region without this place" + (f", or lower {system.epsilon}" if epsilon else "")
+            f"of the region, or nothing is known of it, at {small} = {epsilon:g}. "
+            "Take a region without this place" + (f", or lower {small}" if epsilon else "")
         )
 
     def leaves_interior(self, boundary: str) -> bool:

@@ -124,7 +124,8 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
 
     def in_units() -> Iterator[list[list[np.ndarray]]]:
         """The blocks of DL at the zeros that are found, the states in units that are drawn, and in these units."""
-        # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre. From fewer starts each.
+        # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre. Each set of units has eight
+        # starts.
         for _ in range(32):
             units = 10.0 ** random.uniform(-12.0, 16.0, len(states))
             yield list(_matrices_in_units(z[:: SEARCH_STARTS // 8], units, compiled, p, blocks))

@@ -372,3 +372,9 @@ def test_where_no_tube_is_proved_the_place_and_the_remedy_are_told(tmp_path: Pat
     sine = certify(series({x: sp.Integer(1)}, {y: sp.sin(x) - y}, 1), region={"x": (-1, 1)}, epsilon=0.05)
     with pytest.raises(GspError, match=r"Got sin\. A tube of such a system has no file"):
         sine.save(tmp_path / "tube.json")
+
+
+def test_why_no_tube_is_proved_names_parameters_of_the_region_too() -> None:
+    manifold = series({x: -x}, {y: -a * y + x**2}, 1, parameters={a: 1})
+    found = certify(manifold, region={"x": (-1, 1), "a": (-0.5, 1)}, epsilon=0.1)
+    assert "near x = -1, a = -0.5 a fast direction does not shrink" in found.reason

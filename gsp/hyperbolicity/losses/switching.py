@@ -188,6 +188,7 @@ def _jumps(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> tuple
     jump, kink = np.abs(rates[1] - rates[0]), np.abs(jacobians[1] - jacobians[0]).max(axis=1)
     # Over a distance SIDE a smooth field changes by SIDE times its Jacobian.
     far = float(np.linalg.norm((after - before) / diagnosis.units))
+    # A kink is a change of the derivatives by this share.
     return (
         float(np.max(jump, initial=0.0, where=jump > 10.0 * size * far * np.sqrt(len(before)))),
         float(np.max(kink, initial=0.0, where=np.abs(sized[1] - sized[0]).max(axis=1) > 1e-3 * size)),

@@ -30,8 +30,8 @@ from gsp.systems.flow import check_epsilon
 from gsp.systems.system import SlowFastSystem
 from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 
-# Arclength is in units of the orbit's extents, the relative time and log epsilon. Six Newton steps are aimed at on the
-# mesh of the guess.
+# The first, the longest and the shortest step are in arclength, in units of the orbit's extents, the relative time and
+# log epsilon. Six Newton steps are aimed at on the mesh of the guess.
 PACE = Pace(0.02, 0.4, 1e-7, 6, largest_turn=0.4, growth=1.4)
 
 

@@ -165,7 +165,8 @@ class SheetBuilder(Tracer[_SheetNode]):
         self.start = SheetLine(frame, self.side, line)
         self.line = self.start.plane
         mu = frame.rates[1] / frame.rates[0]
-        # The curves turn by about 1 - mu between gamma_0 and gamma_w, and from one segment to the next by less.
+        # From one segment to the next a turn of a fifth of a radian is aimed at, and half a radian is the most. The
+        # curves turn by about 1 - mu between gamma_0 and gamma_w: where that is small both are less, a tenth at least.
         sharpness = float(np.clip(10.0 * (1.0 - mu), 0.1, 1.0))
         self.pace = Pace(
             FIRST,

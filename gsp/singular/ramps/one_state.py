@@ -60,6 +60,7 @@ def _next_rest(given: Ramped, begin: Place, s: float) -> float:
             return float(np.sign(run.y[0, -1] - x) * np.inf)
         reached = float(run.y[0, -1])
         rest = given.rest_point(np.array([reached]), s)
+        # A run has come to a rest point when it is this near, as a share of the way.
         if rest is not None and abs(rest[0] - reached) <= 1e-4 * abs(rest[0] - begin.x[0]):
             return float(rest[0])
         x, time = reached, 2.0 * time
