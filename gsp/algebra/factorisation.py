@@ -77,6 +77,8 @@ def lowest_terms(expression: sp.Expr) -> sp.Expr:
 
 
 def _divided_out(found: Quotient) -> sp.Expr:
+    if found.denominator.is_constant():
+        return found.expression(found.numerator / found.denominator)
     return found.expression(found.numerator) / found.expression(found.denominator)
 
 
@@ -132,7 +134,8 @@ def _factor_list(
         primitive = primitive_multiple(piece * (1 / flint.fmpq(piece.leading_coefficient())))[0]
         constant = constant / primitive.leading_coefficient() ** k
         result.append((_main_degree(primitive), len(primitive), found.expression(primitive), k))
-    result.sort(key=lambda row: (row[0], row[1], sp.default_sort_key(row[2])))
+    if len(result) > 1:
+        result.sort(key=lambda row: (row[0], row[1], sp.default_sort_key(row[2])))
     return rational(constant), [(e, k) for _, _, e, k in result]
 
 
@@ -148,17 +151,56 @@ def factored(expression: sp.Expr) -> sp.Expr:
 
 
 def short_forms(expression: sp.Expr) -> tuple[sp.Expr, ...]:
-    """The expression `factored` and in `lowest_terms`; neither when that is over the budget."""
+    """`factored`, in `lowest_terms`, and with what its terms share in front; the last alone over the budget."""
     found = quotient(expression)
-    return () if found is None else (_multiplied(found), _divided_out(found))
+    if found is None:
+        return (_common_in_front(expression),)
+    multiplied, divided = _multiplied(found), _divided_out(found)
+    if (
+        divided == expression
+        and found.denominator.is_constant()
+        and all(atom.is_Symbol for atom in found.atoms)
+    ):
+        return multiplied, divided, _content_in_front(found)
+    return multiplied, divided, _common_in_front(expression)
+
+
+def _common_in_front(expression: sp.Expr) -> sp.Expr:
+    """The expression as it is written, with what its terms share in front, in its parts too."""
+    # One function of one argument stays one, whatever its argument's factors.
+    stand_in = {function: sp.Dummy() for function in expression.atoms(sp.Function)}
+    back = {dummy: function for function, dummy in stand_in.items()}
+    return sp.factor_terms(expression.xreplace(stand_in)).xreplace(back)
+
+
+def _content_in_front(found: Quotient) -> sp.Expr:
+    """The same of an expanded polynomial in symbols, from its coefficients and powers.
+
+    A number below the line is in front where it is below every term.
+    """
+    polynomial = found.numerator / found.denominator
+    if len(polynomial) < 2:
+        return found.expression(polynomial)
+    numbers = [flint.fmpq(c) for c in polynomial.coeffs()]
+    shared = flint.fmpq(gcd(*(int(c.p) for c in numbers)))
+    if all(c.q != 1 for c in numbers):
+        shared /= lcm(*(int(c.q) for c in numbers))
+    if all(c < 0 for c in numbers):
+        shared = -shared
+    content = found.numerator.term_content()
+    content = content / content.leading_coefficient() * shared
+    if content == 1:
+        return found.expression(polynomial)
+    parts = sp.Mul.make_args(found.expression(content))
+    return sp.Mul(*parts, found.expression(polynomial / content), evaluate=False)
 
 
 def _multiplied(found: Quotient) -> sp.Expr:
-    product: sp.Expr = sp.Integer(1)
+    parts = []
     for polynomial, sign in ((found.numerator, 1), (found.denominator, -1)):
         constant, powers = _factor_list(found, polynomial)
-        product *= constant**sign * sp.Mul(*[e ** (sign * k) for e, k in powers])
-    return product
+        parts.append(sp.Mul(constant**sign, *[e ** (sign * k) for e, k in powers]))
+    return sp.Mul(*parts)
 
 
 def coefficients(expression: sp.Expr, symbol: sp.Symbol) -> list[sp.Expr] | None:

@@ -66,12 +66,14 @@ def common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> sp.E
     """Greatest common divisor of the components over their common denominator, free of constant factors."""
     rows = [dict(factor_list(component)[1]) for component in layer if component != 0]
     shared = {f: min(row.get(f, 0) for row in rows) for f in rows[0]}
-    return sp.Mul(*[f**k for f, k in shared.items() if f.has(*states)])
+    return sp.Mul(*[f**k for f, k in shared.items() if not f.free_symbols.isdisjoint(states)])
 
 
 def _coefficient_rows(polynomials: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[dict]:
     """Each polynomial as {monomial: coefficient}, monomials in the states and in functions of them."""
-    functions = {p for e in polynomials for p in e.atoms(Application, sp.Pow) if p.has(*states)}
+    functions = {
+        p for e in polynomials for p in e.atoms(Application, sp.Pow) if not p.free_symbols.isdisjoint(states)
+    }
     # Functions of the states count as further unknowns, independent of the states themselves.
     stand_in = {p: sp.Dummy() for p in functions if not (p.is_Pow and p.exp.is_Integer and p.exp > 0)}
     places = {z: i for i, z in enumerate((*states, *stand_in.values()))}

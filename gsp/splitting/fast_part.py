@@ -69,7 +69,7 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
     L = sp.Matrix(layer)
     if rank == 1:
         f = common_factor(layer, states)
-        if f.has(*states):
+        if not f.free_symbols.isdisjoint(states):
             return sp.ImmutableMatrix((L / f).applyfunc(lowest_terms)), sp.ImmutableMatrix([f])
     relations = linear_relations(layer, states)
     if relations is not None and len(relations) == len(states) - rank:
@@ -182,11 +182,7 @@ def tidy(expression: sp.Expr) -> sp.Expr:
     length = sp.count_ops(expression)
     if length > TIDY_LIMIT:
         return expression
-    # One function of one argument stays one in all components, whatever its argument's factors.
-    stand_in = {function: sp.Dummy() for function in expression.atoms(sp.Function)}
-    back = {dummy: function for function, dummy in stand_in.items()}
-    terms = sp.factor_terms(expression.xreplace(stand_in)).xreplace(back)
-    forms = dict.fromkeys((expression, *short_forms(expression), terms))
+    forms = dict.fromkeys((expression, *short_forms(expression)))
     return min(forms, key=lambda form: length if form is expression else sp.count_ops(form))
 
 

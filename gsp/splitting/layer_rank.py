@@ -93,7 +93,7 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     _refuse_constants(layer, field)
     states = field.states
     matrix = jacobian(layer, states)
-    constant = at_point(matrix, dict(field.parameters)) if not matrix.has(*states) else None
+    constant = at_point(matrix, dict(field.parameters)) if matrix.free_symbols.isdisjoint(states) else None
     origin = dict.fromkeys(states, sp.S.Zero)
     if constant is not None and all(component.xreplace(origin) == 0 for component in layer):
         # Of whole numbers: a thousand states take a hundredth of a second, and 13 with fractions.
@@ -249,8 +249,9 @@ def _by_rows(matrices: np.ndarray) -> np.ndarray:
 
 
 def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:
+    states = frozenset(field.states)
     for state, component in zip(field.states, layer):
-        if component != 0 and not component.has(*field.states):
+        if component != 0 and states.isdisjoint(component.free_symbols):
             raise SplittingError(
                 f"the fast part of {state}' is {component}/{field.epsilon}, which has no equilibrium.",
                 "A fast drift or rotation is averaged, by `average`, not reduced.",

@@ -280,7 +280,7 @@ def _fast_choices(integrals, layer, field: VectorField, rank: int):
     values = at_point(gradient, {**generic_point(states), **field.parameters})
     # More sets of fast variables are not compared where first integrals are nonlinear: one is chosen by
     # elimination.
-    if values is not None and (not gradient.has(*states) or math.comb(len(states), rank) > 300):
+    if values is not None and (gradient.free_symbols.isdisjoint(states) or math.comb(len(states), rank) > 300):
         # What is eliminated is a basis of the columns: first what had better not be fast.
         order = sorted(
             range(len(states)), key=lambda i: (states[i] not in own, states[i] in used, layer[i] != 0, -i)
@@ -308,11 +308,11 @@ def _fast_choices(integrals, layer, field: VectorField, rank: int):
 def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting | None:
     states = field.states
     epsilon = field.epsilon
-    eliminated = [z for z in states if z not in fast]
     names = _new_symbols(field, integrals)
     # Each integral takes the place of one raw state; a state that is itself an integral keeps its own.
     coordinates = dict(zip(names, integrals))
-    unknown = [z for z in eliminated if z not in coordinates]
+    kept = {*fast, *coordinates}
+    unknown = [z for z in states if z not in kept]
     equations = {symbol: phi for symbol, phi in coordinates.items() if symbol != phi}
     solved = solve_for(unknown, equations)
     if solved is None:
@@ -331,7 +331,7 @@ def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting 
             *[epsilon * term for term in sp.Add.make_args(tidy(drift[i].xreplace(solved)))]
         )
     order = sorted(slow, key=lambda s: min(place[z] for z in coordinates[s].free_symbols if z in place))
-    observables = {z: e for z, e in inverse.items() if z not in slow and z not in fast}
+    observables = {z: e for z, e in inverse.items() if z not in kept}
     observables |= {o: e.xreplace(inverse) for o, e in field.observables.items()}
     system = SlowFastSystem(
         slow={s: slow[s] for s in order},
@@ -387,14 +387,15 @@ def _route(coordinates: Mapping[sp.Symbol, sp.Expr], states, epsilon) -> str:
 def _new_symbols(field: VectorField, integrals: Sequence[sp.Expr]) -> list[sp.Symbol]:
     """A raw state that is an integral keeps its name; the others are p, or p1, p2, ..."""
     taken = {str(s) for s in (*field.states, *field.parameters, *field.observables, field.epsilon)}
-    new = [phi for phi in integrals if phi not in field.states]
+    states = set(field.states)
+    new = [phi for phi in integrals if phi not in states]
     stems = itertools.chain("pqruxyz", (f"slow{i}" for i in itertools.count()))
     for stem in stems:
         names = [stem] if len(new) == 1 else [f"{stem}{i + 1}" for i in range(len(new))]
         if not taken & set(names):
             break
     fresh = iter(sp.Symbol(name) for name in names)
-    return [phi if phi in field.states else next(fresh) for phi in integrals]
+    return [phi if phi in states else next(fresh) for phi in integrals]
 
 
 def _evaluated(mapping: Mapping[sp.Symbol, sp.Expr], values: Mapping[str, float], field: VectorField):
