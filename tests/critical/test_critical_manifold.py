@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import re
 
@@ -525,3 +526,15 @@ def test_a_formula_that_loses_digits_is_not_gone_by(total: sp.Expr, is_explicit:
         expected = sp.N(half - sp.sqrt(half**2 - total * place), 30) / unit
         (found,) = sheet.points(np.array([[float(place) * size]]))[0]
         assert found == pytest.approx(float(expected), rel=1e-9 if is_explicit else 1e-13)
+
+
+def test_equations_in_units_hold_at_the_same_points_with_slopes_by_the_same_states() -> None:
+    plain = solve_critical(one(x - y - y**5)).branches[0]
+    scaled = dataclasses.replace(plain, units=(1024.0, 0.03125))
+    on, off = np.array([[2.0, 1.0], [34.0, 2.0]]), np.array([[3.0, 1.0], [4.0, 1.0]])
+    for branch in (plain, scaled):
+        assert branch.residual(on).ravel() == pytest.approx([0.0, 0.0])
+        first, second = branch.residual(off).ravel()
+        assert second == pytest.approx(2.0 * first)
+        # One more in x.
+        assert branch.full_jacobian(off)[0, 0, 0] == pytest.approx(first)

@@ -271,19 +271,24 @@ def test_formulas_of_complex_numbers_and_places_without_a_field_are_set_aside() 
     assert not _undefined({y: x}, of)
 
 
-def test_equations_of_a_branch_hold_where_the_field_has_an_equilibrium() -> None:
-    """y1 = 2 is solved for; to solve for y2 makes what is left longer and is undone; y1 - 2 stays beside the rest."""
-    x, y1, y2, y3 = sp.symbols("x y1 y2 y3")
-    rates = {
-        y1: 2 - y1,
-        y2: x * y3 + x**3 + x**2 / 7 + x + 1 - y2,
-        y3: x * y2 * y3 + y2 - y3**5 - y1 * y3,
-    }
-    manifold = solve_critical(SlowFastSystem(slow={x: -x}, fast=rates, epsilon=sp.Symbol("epsilon")))
+x1, y1, y2, y3 = sp.symbols("x1 y1 y2 y3")
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [
+        # y1 = 2 is solved for; to solve for y2 makes what is left longer and is undone; y1 - 2 stays beside the rest.
+        (2 - y1, x1 * y3 + x1**3 + x1**2 / 7 + x1 + 1 - y2, x1 * y2 * y3 + y2 - y3**5 - y1 * y3),
+        # y1 and y2 are solved for, y3 has no formula.
+        (2 * y3 - y1, 3 - y1 - y2, x1 + y1 - y3**5),
+    ],
+)
+def test_equations_of_a_branch_hold_where_the_field_has_an_equilibrium(rates: tuple[sp.Expr, ...]) -> None:
+    fast = dict(zip((y1, y2, y3), rates))
+    manifold = solve_critical(SlowFastSystem(slow={x1: -x1}, fast=fast, epsilon=sp.Symbol("epsilon")))
     (branch,) = manifold.branches
     assert not branch.is_explicit
-    at = {x: sp.Rational(1, 2)}
-    equations = [rate.xreplace(at) for rate in rates.values()]
-    root = sp.nsolve(equations, (y1, y2, y3), (2, 1.5, 0.5), prec=30)
+    at = {x1: sp.Rational(1, 2)}
+    root = sp.nsolve([rate.xreplace(at) for rate in rates], (y1, y2, y3), (2, 1.5, 0.5), prec=30)
     place = {**at, **dict(zip((y1, y2, y3), root))}
     assert [abs(e.xreplace(place)) < 1e-25 for e in branch.equations] == [True] * 3
