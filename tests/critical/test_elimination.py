@@ -280,7 +280,7 @@ x1, y1, y2, y3 = sp.symbols("x1 y1 y2 y3")
         # y1 = 2 is solved for; to solve for y2 makes what is left longer and is undone; y1 - 2 stays beside the rest.
         (2 - y1, x1 * y3 + x1**3 + x1**2 / 7 + x1 + 1 - y2, x1 * y2 * y3 + y2 - y3**5 - y1 * y3),
         # y1 and y2 are solved for, y3 has no formula.
-        (2 * y3 - y1, 3 - y1 - y2, x1 + y1 - y3**5),
+        (y3 - y1, 1 - y1 * y3 - y2 + y3**2, x1 + 3 * y1 - y3**5 - 2 * y3),
     ],
 )
 def test_equations_of_a_branch_hold_where_the_field_has_an_equilibrium(rates: tuple[sp.Expr, ...]) -> None:
