@@ -187,10 +187,10 @@ class Sampler:
         return found
 
     def bent(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """d(g_y v)/dz at one point z (n,) for a vector v (n_fast,): (n_fast, n)."""
+        """d(g_y v)/dz at points z (m, n) for vectors v (m, n_fast): (m, n_fast, n)."""
         (i, j, k), values = self._second
-        found = np.zeros((len(v), len(z)))
-        np.add.at(found, (i, k), values(z[None, :], self.p)[0] * v[j])
+        found = np.zeros((*v.shape, z.shape[1]))
+        np.add.at(found, (np.arange(len(z))[:, None], i, k), values(z, self.p) * v[:, j])
         return found
 
     def followed(self, z: np.ndarray, near: complex) -> np.ndarray:

@@ -12,7 +12,7 @@ from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.losses import consequences as told
 from gsp.hyperbolicity.losses.fibre import FibreOrder, bifurcation_function, order_along
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
-from gsp.hyperbolicity.losses.roots import gauss_newton
+from gsp.hyperbolicity.losses.roots import gauss_newton, gauss_newton_at_each
 from gsp.hyperbolicity.losses.shrinking import MARGIN, _parts, largest_sub_region
 from gsp.hyperbolicity.losses.whole_branch import _algebraic, _combination
 from gsp.hyperbolicity.samples import Kind, kind_of
@@ -301,6 +301,23 @@ def test_a_search_without_a_zero_or_off_the_domain_ends_with_none() -> None:
 
     assert gauss_newton(steep, np.array([3.0]), steps=5) is None
     assert np.diff(visited[:4]) == pytest.approx(2.0)
+
+
+def test_searches_side_by_side_end_each_on_its_own() -> None:
+    asked = []
+
+    def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(len(z))
+        return np.log(z) * (z - 3.0), (np.log(z) + (z - 3.0) / z)[:, :, None]
+
+    with np.errstate(invalid="ignore"):
+        found = gauss_newton_at_each(evaluate, np.array([[1.0], [2.9], [-1.0], [0.9]]))
+    assert found[2] is None
+    ends = [point for point in found if point is not None]
+    np.testing.assert_allclose(np.ravel(ends), [1.0, 3.0, 1.0], rtol=1e-12)
+    # Who has arrived, or is lost, is asked no more.
+    assert asked[:2] == [4, 2]
+    assert len(asked) < 12
 
 
 def test_the_type_is_told_by_how_many_are_unstable() -> None:

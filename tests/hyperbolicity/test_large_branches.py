@@ -143,12 +143,12 @@ def test_a_loss_among_many_fast_variables_is_found_between_the_samples() -> None
 def test_second_derivatives_are_those_of_the_whole_array() -> None:
     system = chain(5, cubic=1)
     sampler, z = Sampler(sheet(system)), np.random.default_rng(0).uniform(-1.0, 1.0, (3, 6))
-    v = np.arange(1.0, 6.0)
+    v = np.arange(15.0).reshape(3, 5)
     expected = np.zeros((3, 5, 5, 6))
     for i in range(5):
         expected[:, i, i, 1 + i] = -6.0 * z[:, 1 + i]
     np.testing.assert_allclose(sampler.second(z), expected)
-    np.testing.assert_allclose(sampler.bent(z[0], v), np.einsum("ijk,j->ik", expected[0], v))
+    np.testing.assert_allclose(sampler.bent(z, v), np.einsum("mijk,mj->mik", expected, v))
     J = sampler.jacobians(z)
     slope = -np.linalg.solve(J[:, 1:, 1:], J[:, 1:, :1])
     total = np.einsum("mijk,mkl->mijl", expected, np.concatenate([np.ones((3, 1, 1)), slope], axis=1))
@@ -166,10 +166,12 @@ def test_sparse_linear_algebra_is_that_of_dense_matrices() -> None:
     np.testing.assert_allclose(found[:5], np.linalg.solve(A[:5], b[:5, :, None])[:, :, 0], rtol=1e-9)
     assert np.isnan(found[5]).all()
     np.testing.assert_array_equal(sheet_points.signs(A), [*np.linalg.slogdet(A[:5])[0], 0.0])
-    wide = A[0][:30]
-    np.testing.assert_allclose(
-        _least_norm(wide, b[0, :30]), np.linalg.lstsq(wide, b[0, :30], rcond=None)[0], rtol=1e-9
-    )
+    wide, right = A[:2, :30], b[:2, :30]
+    # An equation without a slope.
+    wide[1, 3] = 0.0
+    steps = _least_norm(wide, right)
+    np.testing.assert_allclose(steps[0], np.linalg.lstsq(wide[0], right[0], rcond=None)[0], rtol=1e-9)
+    assert np.isnan(steps[1]).all()
 
 
 @pytest.mark.exhaustive

@@ -18,7 +18,7 @@ from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import Allowance
 from gsp.hyperbolicity.losses.diagnosis import Found
 from gsp.hyperbolicity.losses.kinds import Contact
-from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
+from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton_at_each
 from gsp.systems.region import Interval
 
 # The worst samples, from which the gap is refined and losses are located.
@@ -86,52 +86,64 @@ class Locator:
         """
         sampler = self.sampler
         branch = sampler.branch
-        for z in samples:
-            point = self._zero_eigenvalue(z, branch.residual, branch.full_jacobian, self._branch_sizes)
-            if point is None and branch.is_explicit:
-                # A graph such as sqrt(x) has no derivative at its fold, but g has.
-                point = self._zero_eigenvalue(
-                    z, sampler.equilibria, sampler.equilibria_jacobian, self._layer_sizes
-                )
-            if point is not None and not self._is_known(point) and (at_end or self._on_sheet(point, z)):
+        points = self._zero_eigenvalues(samples, branch.residual, branch.full_jacobian, self._branch_sizes)
+        if branch.is_explicit:
+            # A graph such as sqrt(x) has no derivative at its fold, but g has.
+            rest = [i for i, point in enumerate(points) if point is None]
+            equations = sampler.equilibria, sampler.equilibria_jacobian, self._layer_sizes
+            for i, point in zip(rest, self._zero_eigenvalues(samples[rest], *equations)):
+                points[i] = point
+        for z, point in zip(samples, points):
+            if point is None or self._is_known(point) or not sampler.inside(point[None], self.box)[0]:
+                continue
+            if at_end or self._on_sheet(point, z):
                 self.add(point, Contact.ZERO)
 
-    def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian, sizes: np.ndarray) -> np.ndarray | None:
+    def _zero_eigenvalues(
+        self, samples: np.ndarray, equations, jacobian, sizes: np.ndarray
+    ) -> list[np.ndarray | None]:
+        """The zero eigenvalue on the branch next to each of the `samples` (m, n), or None."""
         sampler = self.sampler
-        n, ny = len(z), len(sampler.system.y)
-        matrix = sampler.fast_jacobian(z[None, :])[0]
-        if not np.isfinite(matrix).all():
-            return None
+        nx, ny = len(sampler.system.x), len(sampler.system.y)
+        n = nx + ny
+        found: list[np.ndarray | None] = [None] * len(samples)
+        matrices = sampler.fast_jacobian(samples)
+        finite = np.flatnonzero(np.isfinite(matrices).all(axis=(1, 2)))
         # The null vector in the variables' own units, in which none is large or small beside the others.
-        unit = self.units[len(sampler.system.x) :]
-        unknown = np.concatenate([z, np.linalg.svd(matrix * unit / unit[:, None])[2][-1]])
+        unit = self.units[nx:]
 
         def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            point, v = u[None, :n], u[n:]
-            g_y = sampler.fast_jacobian(point)[0] * unit
-            value = np.concatenate([equations(point)[0], g_y @ v, [v @ v - 1.0]])
-            slope = np.zeros((len(value), len(u)))
-            slope[:ny, :n] = jacobian(point)[0]
-            slope[ny : 2 * ny, :n] = sampler.bent(u[:n], unit * v)
-            slope[ny : 2 * ny, n:] = g_y
-            slope[-1, n:] = 2.0 * v
+            points, v = u[:, :n], u[:, n:]
+            g_y = sampler.fast_jacobian(points) * unit
+            norms = np.einsum("mi,mi->m", v, v)[:, None] - 1.0
+            value = np.hstack([equations(points), np.einsum("mij,mj->mi", g_y, v), norms])
+            slope = np.zeros((*value.shape, n + ny))
+            slope[:, :ny, :n] = jacobian(points)
+            slope[:, ny : 2 * ny, :n] = sampler.bent(points, unit * v)
+            slope[:, ny : 2 * ny, n:] = g_y
+            slope[:, -1, n:] = 2.0 * v
             return value, slope
 
-        found = gauss_newton(
-            evaluate,
-            unknown,
-            steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
-            sparse=sampler.is_large,
-            scales=np.append(self.units, np.ones(ny)),
-            sizes=np.concatenate([sizes, self._eigenvector_sizes, [1.0]]),
-        )
-        if found is None:
-            return None
-        # A matrix far from normal has unit vectors that it all but annihilates, and yet no eigenvalue near zero.
-        least = np.abs(sampler.eigenvalues(found[None, :n])).min()
-        # Where an eigenvalue vanishes it is no larger than this share of its usual size: multiple zeros are
-        # inexact.
-        return found[:n] if not least > 0.03 * max(self.usual, ZERO_TOLERANCE * self.scale) else None
+        # The matrices of thousands of states would fill the memory.
+        for chosen in np.split(finite, max(len(finite), 1) if sampler.is_large else 1):
+            null = np.linalg.svd(matrices[chosen] * unit / unit[:, None])[2][:, -1]
+            roots = gauss_newton_at_each(
+                evaluate,
+                np.hstack([samples[chosen], null]),
+                steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
+                sparse=sampler.is_large,
+                scales=np.append(self.units, np.ones(ny)),
+                sizes=np.concatenate([sizes, self._eigenvector_sizes, [1.0]]),
+            )
+            for i, root in zip(chosen, roots):
+                # A matrix far from normal has unit vectors that it all but annihilates, and yet no eigenvalue near
+                # zero. Where one vanishes it is no larger than this share of its usual size: multiple zeros are
+                # inexact.
+                if root is not None:
+                    least = np.abs(sampler.eigenvalues(root[None, :n])).min()
+                    if not least > 0.03 * max(self.usual, ZERO_TOLERANCE * self.scale):
+                        found[i] = root[:n]
+        return found
 
     @cached_property
     def _branch_sizes(self) -> np.ndarray:

@@ -69,7 +69,7 @@ def _singular_point(sampler: Sampler, z: np.ndarray, nx: int) -> np.ndarray | No
         value = np.concatenate([sampler.equilibria(point)[0], matrix @ v, [v @ v - 1.0]])
         slope = np.zeros((2 * n + 1, 2 * n))
         slope[:n, :n] = matrix
-        slope[n:-1, :n] = sampler.bent(point[0], v)[:, nx:]
+        slope[n:-1, :n] = sampler.bent(point, v[None])[0, :, nx:]
         slope[n:-1, n:] = matrix
         slope[-1, n:] = 2.0 * v
         return value, slope
