@@ -431,6 +431,13 @@ HIDDEN = {
 }
 
 
+def test_the_slow_combinations_of_a_fast_block_are_told() -> None:
+    flux = x - 2 * y - z
+    system = SlowFastSystem(slow={x: -x}, fast={y: flux + eps * y, z: -flux + eps * z}, epsilon=eps)
+    with pytest.raises(BranchError, match=r"Declare x, p = y \+ z as slow, or split the VectorField\."):
+        solve_critical(system)
+
+
 @pytest.mark.parametrize("name", thinned(HIDDEN, 2))
 def test_a_time_scale_hidden_in_the_fast_block_is_named(name) -> None:
     rates = HIDDEN[name]
