@@ -17,6 +17,7 @@ from flint import arb, fmpq
 # Bits of a midpoint. Radii have 30 bits whatever this is; 64 leave double data exact and cost as much as 53.
 PRECISION = 64
 UNDEFINED = arb("nan")
+ZERO = arb(0)
 # A ball with so many good bits is narrow: a product with one loses a share of 2^-NARROW of its radius, no more.
 NARROW = 4
 
@@ -82,11 +83,7 @@ def quotient(one: arb, two: arb) -> arb:
     """one / two; not finite when `two` holds 0."""
     if two.rel_accuracy_bits() > NARROW:
         return one / two
-    return product(one, rising(_reciprocal, two)) if two > 0 or two < 0 else UNDEFINED
-
-
-def _reciprocal(value: arb) -> arb:
-    return 1 / value
+    return product(one, rising(lambda end: 1 / end, two)) if two > 0 or two < 0 else UNDEFINED
 
 
 def power(ball: arb, exponent: int) -> arb:

@@ -20,7 +20,7 @@ import numpy as np
 from gsp.proofs import balls
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import Spectrum, spectrum_of
-from gsp.proofs.tubes import FIRST_ROOM, Box, RootTube, enclose, middle_of
+from gsp.proofs.tubes import FIRST_ROOM, Box, RootTube, enclose, halved, middle_of
 
 # A side this many units in the last place wide is a point: nothing is gained by cutting it.
 THIN = 8
@@ -238,16 +238,8 @@ def spectrum_at(equations: EnclosedEquations, tube: RootTube) -> Spectrum | None
 
 def _halves(equations: EnclosedEquations, part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
     """Both halves, each with the branch followed to its middle, or `near` where it cannot be."""
-    low, high = part.box[axis]
-    at = low + 0.5 * (high - low)
-    below, above = (
-        Part(half, _followed(equations, part.box, half, near))
-        for half in (
-            tuple((ends if i == axis else side) for i, side in enumerate(part.box))
-            for ends in ((low, at), (at, high))
-        )
-    )
-    part.axis, part.at, part.halves = axis, at, (below, above)
+    below, above = (Part(half, _followed(equations, part.box, half, near)) for half in halved(part.box, axis))
+    part.axis, part.at, part.halves = axis, above.box[axis][0], (below, above)
     return part.halves
 
 

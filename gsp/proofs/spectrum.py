@@ -176,31 +176,19 @@ def _turned(form: list[list[arb]]) -> tuple[list[list[arb]], list[list[arb]]]:
     vectors = np.linalg.eigh(0.5 * (middle + middle.T))[1] if np.isfinite(middle).all() else np.eye(m)
     rotation = arb_mat(m, m, [balls.exact(float(v)) for v in vectors.ravel()])
     turned, lengths = rotation.transpose() * arb_mat(form) * rotation, rotation.transpose() * rotation
-    return _rows(turned), _rows(lengths)
-
-
-def _rows(matrix: arb_mat) -> list[list[arb]]:
-    return [[matrix[i, j] for j in range(matrix.ncols())] for i in range(matrix.nrows())]
+    return turned.table(), lengths.table()
 
 
 def _row_sum(form: list[list[arb]]) -> float:
     """The largest sum of moduli in a row, or infinity."""
-    sums = [balls.above(sum((entry.abs_upper() for entry in row), arb(0))) for row in form]
+    sums = [balls.above(sum((entry.abs_upper() for entry in row), balls.ZERO)) for row in form]
     return max(sums) if all(value < np.inf for value in sums) else np.inf
 
 
 def _by_rows(form: list[list[arb]]) -> float:
-    least = np.inf
-    for i, row in enumerate(form):
-        total = row[i]
-        for j, entry in enumerate(row):
-            if j != i:
-                total = total - entry.abs_upper()
-        value = balls.below(total)
-        if not value < least:
-            # Not a number is no bound.
-            if value != value:
-                return -np.inf
-            continue
-        least = value
-    return least
+    bounds = [
+        balls.below(sum((-entry.abs_upper() for j, entry in enumerate(row) if j != i), row[i]))
+        for i, row in enumerate(form)
+    ]
+    # Not a number is no bound.
+    return -np.inf if np.isnan(bounds).any() else min(bounds)

@@ -10,12 +10,12 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
 import sympy as sp
-from flint import arb, arb_mat
+from flint import arb_mat
 
 from gsp.algebra.differentiation import jacobian
 from gsp.critical.slow_metric import least_metric
@@ -24,7 +24,7 @@ from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.covering import CoveredPart
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import largest_modulus
-from gsp.proofs.tubes import Box, RootTube, enclose, middle_of
+from gsp.proofs.tubes import Box, RootTube, enclose, halved, middle_of
 from gsp.systems.scattered_points import PLACES
 
 
@@ -52,10 +52,7 @@ def tangential_rate(
         if -bound <= enough or not sides[axis] > 0.0:
             break
         heapq.heappop(waiting)
-        low, high = box[axis]
-        middle = low + 0.5 * (high - low)
-        for ends in ((low, middle), (middle, high)):
-            half = tuple(ends if k == axis else side for k, side in enumerate(box))
+        for half in halved(box, axis):
             own = narrowed(equations, tube, half)
             heapq.heappush(waiting, (-rates.over(own, half), next(order), half, own, whole))
     return -waiting[0][0]
@@ -108,7 +105,7 @@ class _Rates:
         f = arb_mat(own, own + m, self.derivatives([*x, *y]))
         return arb_mat(
             [
-                [f[i, k] - _total(f[i, own + j] * graph[j, k] for j in range(m)) for k in range(own)]
+                [f[i, k] - sum((f[i, own + j] * graph[j, k] for j in range(m)), balls.ZERO) for k in range(own)]
                 for i in range(own)
             ]
         )
@@ -120,10 +117,3 @@ class _Rates:
             return math.inf
         b = self.metric * a * self.inverse
         return largest_modulus([[(b[i, k] + b[k, i]) / 2 for k in range(self.own)] for i in range(self.own)])
-
-
-def _total(terms: Iterable[arb]) -> arb:
-    total = arb(0)
-    for term in terms:
-        total = total + term
-    return total

@@ -13,7 +13,6 @@ for.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,6 @@ from flint import arb
 from gsp.proofs import balls
 from gsp.proofs.equations import EnclosedEquations
 
-_ZERO = arb(0)
 Box = tuple[tuple[float, float], ...]
 
 # The first radius is so much larger than what the residual asks for, and grows so much from round to round.
@@ -59,7 +57,7 @@ class RootTube:
     def _line(self, x: list[arb]) -> list[arb]:
         off = [a - balls.exact(float(c)) for a, c in zip(x, self.middle)]
         return [
-            _total((balls.exact(float(s)) * step for s, step in zip(row, off)), balls.exact(float(centre)))
+            sum((balls.exact(float(s)) * step for s, step in zip(row, off)), balls.exact(float(centre)))
             for row, centre in zip(self.slope, self.centre)
         ]
 
@@ -67,6 +65,14 @@ class RootTube:
 def middle_of(box: Box) -> np.ndarray:
     """A point (n,) near the middle of a box, inside it."""
     return np.array([low + 0.5 * (high - low) for low, high in box])
+
+
+def halved(box: Box, axis: int) -> tuple[Box, Box]:
+    """The lower and the upper half of a box along one side."""
+    low, high = box[axis]
+    middle = low + 0.5 * (high - low)
+    before, after = box[:axis], box[axis + 1 :]
+    return (*before, (low, middle), *after), (*before, (middle, high), *after)
 
 
 def enclose(
@@ -106,7 +112,7 @@ def krawczyk(
     b = [balls.exact(float(v)) for v in centre]
     tilt = [[balls.exact(float(v)) for v in row] for row in slope]
     off = [p - q for p, q in zip(x, c)]
-    line = [b[i] + _total(tilt[i][k] * off[k] for k in range(n)) for i in range(m)]
+    line = [b[i] + sum((tilt[i][k] * off[k] for k in range(n)), balls.ZERO) for i in range(m)]
     by_y, by_x = equations.slopes(x, line)
     # The inverse of the ball matrix's midpoint, not of the matrix in the middle: with one fast variable it serves
     # wherever the derivative keeps its sign.
@@ -121,9 +127,9 @@ def krawczyk(
     residual = equations.value(c, b)
     for i in range(m):
         for k in range(n):
-            along = by_x[i * n + k] + _total(by_y[i * m + j] * tilt[j][k] for j in range(m))
+            along = by_x[i * n + k] + sum((by_y[i * m + j] * tilt[j][k] for j in range(m)), balls.ZERO)
             residual[i] = residual[i] + along * off[k]
-    defect = [_total(approximate[i][k] * residual[k] for k in range(m)) for i in range(m)]
+    defect = [sum((approximate[i][k] * residual[k] for k in range(m)), balls.ZERO) for i in range(m)]
     # Relative to the size of y and |y|: a tube over one point has to fit into tubes over boxes.
     least = 5 * np.finfo(float).eps if all(low == high for low, high in box) else 1e-12
     sizes = equations.sizes.tolist()
@@ -144,7 +150,7 @@ def krawczyk(
         for i in range(m):
             value = -defect[i]
             for k in range(m):
-                product = _total(approximate[i][j] * by_y[j * m + k] for j in range(m))
+                product = sum((approximate[i][j] * by_y[j * m + k] for j in range(m)), balls.ZERO)
                 value = value + ((1 if i == k else 0) - product) * ball[k]
             image.append(value)
         if all(inside(value, r) for value, r in zip(image, radius)):
@@ -159,9 +165,3 @@ def krawczyk(
 def inside(value: arb, radius: float) -> bool:
     """Whether the ball lies in the interior of [-radius, radius]; a ball that is not finite does not."""
     return bool(value < radius and value > -radius)
-
-
-def _total(terms: Iterable[arb], total: arb = _ZERO) -> arb:
-    for term in terms:
-        total = total + term
-    return total

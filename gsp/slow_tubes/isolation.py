@@ -35,7 +35,7 @@ from gsp.proofs import balls
 from gsp.proofs.covering import THIN
 from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.spectrum import least_eigenvalue
-from gsp.proofs.tubes import Box
+from gsp.proofs.tubes import Box, halved
 from gsp.slow_tubes.adapted_basis import AdaptedBasis
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.solved_flow import SolvedFlow
@@ -291,10 +291,7 @@ def norm(entries: Sequence[arb]) -> arb:
     """
     if len(entries) == 1:
         return entries[0].abs_upper()
-    total = arb(0)
-    for entry in entries:
-        total = total + balls.power(entry.abs_upper(), 2)
-    return total.sqrt()
+    return sum((balls.power(entry.abs_upper(), 2) for entry in entries), balls.ZERO).sqrt()
 
 
 def _proved(
@@ -355,11 +352,4 @@ def _halves(
         if 0.0 < max(smear) < math.inf:
             axis = max(range(len(box)), key=smear.__getitem__)
     low, high = box[axis]
-    middle = _middle(box[axis])
-    if not low < middle < high:
-        return None
-    lower, upper = (
-        tuple(ends if k == axis else other for k, other in enumerate(box))
-        for ends in ((low, middle), (middle, high))
-    )
-    return lower, upper
+    return halved(box, axis) if low < _middle(box[axis]) < high else None

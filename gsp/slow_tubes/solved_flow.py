@@ -112,7 +112,7 @@ class SolvedFlow:
             slope = [(k + 1) * q[k + 1] for k in range(length)]
             found.append(
                 [
-                    row[k] - epsilon * sum((slope[j] * f[k - j] for j in range(k + 1)), arb(0))
+                    row[k] - epsilon * sum((slope[j] * f[k - j] for j in range(k + 1)), balls.ZERO)
                     for k in range(length)
                 ]
             )
@@ -121,7 +121,7 @@ class SolvedFlow:
     def _turned(self, vector: list[arb]) -> list[arb]:
         """P^-1 of a vector (m,)."""
         m = self.m
-        return [_total(self._inverse[i * m + j] * vector[j] for j in range(m)) for i in range(m)]
+        return [sum((self._inverse[i * m + j] * vector[j] for j in range(m)), balls.ZERO) for i in range(m)]
 
     def _linear(
         self, x: arb, z: Sequence[arb], epsilon: arb
@@ -129,13 +129,14 @@ class SolvedFlow:
         """D_x f, D_z f (m,), D_x G (m,) and D_epsilon G (m,), then D_z G (m m,), over (x, z, epsilon)."""
         m = self.m
         p, slope, bend = self._graph(x)
-        y = [b + _total(self._basis[i * m + j] * z[j] for j in range(m)) for i, b in enumerate(p)]
+        y = [b + sum((self._basis[i * m + j] * z[j] for j in range(m)), balls.ZERO) for i, b in enumerate(p)]
         f, *derivatives = self._slopes([x, *y, epsilon])
         width = m + 2
         rows = [derivatives[i * width : (i + 1) * width] for i in range(m + 1)]
-        along = [row[0] + _total(row[1 + j] * slope[j] for j in range(m)) for row in rows]
+        along = [row[0] + sum((row[1 + j] * slope[j] for j in range(m)), balls.ZERO) for row in rows]
         across = [
-            [_total(row[1 + k] * self._basis[k * m + j] for k in range(m)) for j in range(m)] for row in rows
+            [sum((row[1 + k] * self._basis[k * m + j] for k in range(m)), balls.ZERO) for j in range(m)]
+            for row in rows
         ]
         by_x = [g - epsilon * (b * f + s * along[0]) for g, b, s in zip(along[1:], bend, slope)]
         by_epsilon = [row[-1] - s * f - epsilon * s * rows[0][-1] for row, s in zip(rows[1:], slope)]
@@ -157,7 +158,7 @@ class SolvedFlow:
         """f (1,) over (x, *z, epsilon)."""
         x, z, m = arguments[0], arguments[1:-1], self.m
         p = self._graph(x)[0]
-        y = [b + _total(self._basis[i * m + j] * z[j] for j in range(m)) for i, b in enumerate(p)]
+        y = [b + sum((self._basis[i * m + j] * z[j] for j in range(m)), balls.ZERO) for i, b in enumerate(p)]
         return self._f([x, *y, arguments[-1]])
 
     def linearisation(self, arguments: Sequence[arb]) -> tuple[list[arb], list[arb], list[arb], list[arb]]:
@@ -172,10 +173,6 @@ class SolvedFlow:
 
 def _ball(value: sp.Expr) -> arb:
     return arb(fmpq(int(value.p), int(value.q)))
-
-
-def _total(terms) -> arb:
-    return sum(terms, arb(0))
 
 
 def _polynomial(surface: ChebyshevSurface, component: int) -> arb_poly:

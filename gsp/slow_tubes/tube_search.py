@@ -14,7 +14,7 @@ import numpy as np
 from flint import arb
 
 from gsp.proofs import balls
-from gsp.proofs.tubes import Box
+from gsp.proofs.tubes import Box, halved
 from gsp.slow_tubes.adapted_basis import AdaptedBasis
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import NARROWEST, Isolation, Tally, norm
@@ -295,10 +295,13 @@ class TubeSearch:
         def row(j: int) -> Callable[[list[arb]], arb]:
             def extent(x: list[arb]) -> arb:
                 turning = self.invariance.turning([*x, arb(0)])
-                total = arb(0)
-                for block, width in zip(self.basis.blocks, widths):
-                    total = total + norm([turning[j * m + k] for k in block]) * arb(float(width))
-                return total
+                return sum(
+                    (
+                        norm([turning[j * m + k] for k in block]) * arb(float(width))
+                        for block, width in zip(self.basis.blocks, widths)
+                    ),
+                    balls.ZERO,
+                )
 
             return extent
 
@@ -323,10 +326,7 @@ def supremum(function: Callable[[list[arb]], arb], region: Box, share: float = S
             break
         heapq.heappop(heap)
         axis = max(range(len(box)), key=lambda k: (box[k][1] - box[k][0]) / sides[k])
-        low, high = box[axis]
-        middle = low + 0.5 * (high - low)
-        for i, ends in enumerate(((low, middle), (middle, high))):
-            half = tuple(ends if k == axis else other for k, other in enumerate(box))
+        for i, half in enumerate(halved(box, axis)):
             for corner in (0, 1):
                 at = over(tuple((ends[corner], ends[corner]) for ends in half))
                 found = max(found, at if at < math.inf else 0.0)
