@@ -115,7 +115,7 @@ class BandChecker:
             about = self.program.values(middle)
             rises = [ia.multiply(_along(row, way), half) for row in slopes]
             # Enclosures on the piece, at once and from its middle.
-            f, g, h = (_both(v, ia.add(m, r)) for v, m, r in zip(values, about, rises))
+            f, g, h = (ia.common(v, ia.add(m, r)) for v, m, r in zip(values, about, rises))
             limit = ia.multiply(a[0], g)
             total = ia.add(limit, ia.multiply(last, _slow(a, f, h)))
             # From the middle f, g and h move together.
@@ -173,7 +173,7 @@ class BandChecker:
                 times = self.small[1] if axis else ia.ONE
                 if not axis and any(a[1] <= left and right <= b[0] for a, b in (ends, ends[::-1])):
                     with suppress(ia.OutOfDomain):
-                        time = _both(time, self._time(left, right, row))
+                        time = ia.common(time, self._time(left, right, row))
                     least += ia.ONE * time[0]
                     contraction += max(share * width[0], share * width[1])
                 else:
@@ -282,11 +282,6 @@ def _slow(a: tuple[Interval, Interval], f: Interval, h: Interval) -> Interval:
 def _along(slopes: list[Interval], way: tuple[Interval, Interval]) -> Interval:
     """The derivative along a way."""
     return ia.add(ia.multiply(slopes[0], way[0]), ia.multiply(slopes[1], way[1]))
-
-
-def _both(a: Interval, b: Interval) -> Interval:
-    """What two enclosures of one number leave."""
-    return max(a[0], b[0]), min(a[1], b[1])
 
 
 def _even(row: Any) -> int:

@@ -104,12 +104,14 @@ class _Tube:
 
     def holds(self, x: list[Fraction], other: _Tube) -> bool:
         """Whether a tube over the one point x lies in this one's interior there: exactly."""
-        n = len(self.middle)
-        for i, radius in enumerate(self.radius):
-            line = self.centre[i] + sum(self.slope[i * n + k] * (x[k] - self.middle[k]) for k in range(n))
-            if not abs(other.centre[i] - line) + other.radius[i] < radius:
-                return False
-        return True
+        rows = zip(other.centre, self.line(x), other.radius, self.radius)
+        return all(abs(centre - line) + small < radius for centre, line, small, radius in rows)
+
+    def line(self, x: list[Fraction]) -> list[Fraction]:
+        """The middle of the tube over x."""
+        off = [v - c for v, c in zip(x, self.middle)]
+        rows = [self.slope[i : i + len(off)] for i in range(0, len(self.slope), len(off))]
+        return [c + sum(s * step for s, step in zip(row, off)) for c, row in zip(self.centre, rows)]
 
 
 class _Proof:
@@ -129,10 +131,7 @@ class _Proof:
         self.program = IntervalProgram(self.texts, self.n + self.m)
         self.region: Box = untrusted.region(read["region"], self.n)
         claim = read["claim"]
-        self.stable, self.unstable = (
-            untrusted.count(claim["stable"], self.m),
-            untrusted.count(claim["unstable"], self.m),
-        )
+        self.stable, self.unstable = (untrusted.count(claim[key], self.m) for key in ("stable", "unstable"))
         self.gap = untrusted.number(claim["gap"])
         if self.gap <= 0 or self.stable + self.unstable != self.m:
             raise Rejected("the claim is a positive gap and the numbers of stable and unstable eigenvalues")
@@ -194,13 +193,8 @@ class _Proof:
 
     def _tube(self, node: Any) -> _Tube:
         n, m = self.n, self.m
-        tube = _Tube(
-            untrusted.numbers(node["middle"], n),
-            untrusted.numbers(node["centre"], m),
-            untrusted.numbers(node["slope"], m * n),
-            untrusted.numbers(node["radius"], m),
-            untrusted.numbers(node["inverse"], m * m),
-        )
+        lengths = {"middle": n, "centre": m, "slope": m * n, "radius": m, "inverse": m * m}
+        tube = _Tube(**{key: untrusted.numbers(node[key], length) for key, length in lengths.items()})
         if any(radius <= 0 for radius in tube.radius):
             raise Rejected("the radius of a tube is positive")
         return tube
@@ -253,13 +247,7 @@ class _Proof:
     def _spectrum(self, node: Any, derivative: list[list[Interval]], here: int) -> None:
         """z^T H z > gap |z|^2 with H = (S B + B^T S)/2, B = P^-1 M P, by pivots of H - gap."""
         m = self.m
-        signs = node["signs"]
-        if (
-            not isinstance(signs, list)
-            or len(signs) != m
-            or any(type(s) is not int or s not in (-1, 1) for s in signs)
-        ):
-            raise Rejected(f"the signs of part {here} are 1 and -1, one for each fast variable")
+        signs = untrusted.signs(node["signs"], m, f"the signs of part {here}", "fast variable")
         if signs.count(1) != self.unstable:
             raise Rejected(f"part {here} has another number of unstable eigenvalues than is claimed")
         basis = [ia.of(v) for v in untrusted.numbers(node["basis"], m * m)]
@@ -330,12 +318,9 @@ class _Proof:
     def _holds_the_point(self, leaves: dict[int, tuple[Box, _Tube]]) -> None:
         x, y = self.through[: self.n], self.through[self.n :]
         for box, tube in leaves.values():
-            if all(low <= v <= high for (low, high), v in zip(box, x)):
-                line = [
-                    tube.centre[i]
-                    + sum(tube.slope[i * self.n + k] * (x[k] - tube.middle[k]) for k in range(self.n))
-                    for i in range(self.m)
-                ]
-                if all(abs(v - p) < r for v, p, r in zip(y, line, tube.radius)):
-                    return
+            near = zip(y, tube.line(x), tube.radius)
+            if all(low <= v <= high for (low, high), v in zip(box, x)) and all(
+                abs(v - p) < r for v, p, r in near
+            ):
+                return
         raise Rejected("the point that the branch goes through is not in its tubes")

@@ -81,11 +81,7 @@ def decay(matrix: Matrix, block: list[int], sign: int) -> int:
 
 def symmetric(w: Matrix, q: list[int], side: int, i: int, j: int) -> Interval:
     """Twice the entry of s (W^T Q + Q W), q being twice the diagonal of Q and s = `side`."""
-    return ia.add(_times(w[j][i], q[j] * side), _times(w[i][j], q[i] * side))
-
-
-def _times(a: Interval, factor: int) -> Interval:
-    return (a[0] * factor, a[1] * factor) if factor >= 0 else (a[1] * factor, a[0] * factor)
+    return ia.add(ia.times(w[j][i], q[j] * side), ia.times(w[i][j], q[i] * side))
 
 
 def up(product: int) -> int:

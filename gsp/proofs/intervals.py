@@ -87,6 +87,16 @@ def hull(a: Interval, b: Interval) -> Interval:
     return min(a[0], b[0]), max(a[1], b[1])
 
 
+def common(a: Interval, b: Interval) -> Interval:
+    """What two enclosures of one number leave."""
+    return max(a[0], b[0]), min(a[1], b[1])
+
+
+def times(a: Interval, number: int) -> Interval:
+    """a times a whole number that has no units."""
+    return (a[0] * number, a[1] * number) if number >= 0 else (a[1] * number, a[0] * number)
+
+
 def power(a: Interval, exponent: int) -> Interval:
     """a**exponent for a whole exponent."""
     if exponent < 0:
@@ -239,10 +249,7 @@ def _wave(a: Interval, quarter: int) -> Interval:
 def _sin_at(x: int, quarter: int) -> Interval:
     """sin(x + quarter pi/2)."""
     turns = (2 * x + HALF_PI[0]) // (2 * HALF_PI[0])
-    rest = subtract(
-        (x, x),
-        (turns * HALF_PI[0], turns * HALF_PI[1]) if turns >= 0 else (turns * HALF_PI[1], turns * HALF_PI[0]),
-    )
+    rest = subtract((x, x), times(HALF_PI, turns))
     if magnitude(rest) > 2 * ONE:
         raise OutOfDomain("a sine whose argument was not reduced")
     quadrant = (turns + quarter) % 4

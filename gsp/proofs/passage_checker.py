@@ -132,14 +132,8 @@ class StripChecker(BandChecker):
     def _holds_epsilon(self, place: int) -> bool:
         holds = [False, False, True]
         for name, one, two in self.program.code:
-            parts = (
-                ()
-                if name in ("constant", "pi", "E")
-                else (one, two)
-                if name in ("+", "-", "*", "/")
-                else (one,)
-            )
-            holds.append(any(holds[part] for part in parts))
+            operands = 0 if name in ("constant", "pi", "E") else 2 if name in ("+", "-", "*", "/") else 1
+            holds.append(any(holds[part] for part in (one, two)[:operands]))
         return holds[place]
 
     def require_crossed(self, one: Vertex, two: Vertex, side: int) -> None:
@@ -245,4 +239,4 @@ class DelayChecker:
         crude = ia.multiply(sign, ia.multiply(w, ratio))
         time = ia.divide(w, ia.multiply(sign, f))
         grown = ia.multiply(ia.add(ia.multiply(tube, by_k[1]), ia.multiply(small, by_f[0])), time)[1]
-        return (max(change[0], crude[0]), min(change[1], crude[1])), crude, time, grown
+        return ia.common(change, crude), crude, time, grown

@@ -31,17 +31,19 @@ class TooLong(Rejected):
     """A proof that takes more operations than a check may."""
 
 
-_FUNCTIONS: dict[str, Callable[[Interval], Interval]] = {
-    "exp": ia.exp,
-    "log": ia.log,
-    "tanh": ia.tanh,
-    "sinh": ia.sinh,
-    "cosh": ia.cosh,
-    "sin": ia.sin,
-    "cos": ia.cos,
-    "atan": ia.atan,
-    "sqrt": lambda a: ia.root(a, 2),
+# Functions of one argument, each with its derivative from the argument and the value.
+_FUNCTIONS: dict[str, tuple[Callable[[Interval], Interval], Callable[[Interval, Interval], Interval]]] = {
+    "exp": (ia.exp, lambda _, value: value),
+    "log": (ia.log, lambda a, _: ia.divide(ia.UNIT, a)),
+    "tanh": (ia.tanh, lambda _, value: ia.subtract(ia.UNIT, ia.power(value, 2))),
+    "sinh": (ia.sinh, lambda a, _: ia.cosh(a)),
+    "cosh": (ia.cosh, lambda a, _: ia.sinh(a)),
+    "sin": (ia.sin, lambda a, _: ia.cos(a)),
+    "cos": (ia.cos, lambda a, _: ia.negative(ia.sin(a))),
+    "atan": (ia.atan, lambda a, _: ia.divide(ia.UNIT, ia.add(ia.UNIT, ia.power(a, 2)))),
+    "sqrt": (lambda a: ia.root(a, 2), lambda _, value: ia.divide((ia.ONE // 2, ia.ONE // 2), value)),
 }
+_ARITHMETIC = {"+": ia.add, "-": ia.subtract, "*": ia.multiply, "/": ia.divide}
 _CONSTANTS: dict[str, Callable[[], Interval]] = {
     "pi": lambda: (2 * ia.HALF_PI[0], 2 * ia.HALF_PI[1]),
     "E": lambda: ia.exp(ia.UNIT),
@@ -96,21 +98,11 @@ class IntervalProgram:
         return [found[place] for place in self.outputs]
 
     def _value(self, i: int, name: str, one: Any, two: Any, found: list[Interval]) -> Interval:
-        if name == "constant":
+        if i in self.constants:
             return self.constants[i]
-        if name == "+":
-            return ia.add(found[one], found[two])
-        if name == "-":
-            return ia.subtract(found[one], found[two])
-        if name == "*":
-            return ia.multiply(found[one], found[two])
-        if name == "/":
-            return ia.divide(found[one], found[two])
-        if name == "**":
-            return ia.raised(found[one], two)
-        if name in _CONSTANTS:
-            return self.constants[i]
-        return _FUNCTIONS[name](found[one])
+        if name in _ARITHMETIC:
+            return _ARITHMETIC[name](found[one], found[two])
+        return ia.raised(found[one], two) if name == "**" else _FUNCTIONS[name][0](found[one])
 
     def derivatives(self, arguments: list[Interval], first: int = 0) -> list[list[Interval]]:
         """Derivatives by the variables from the `first` on (m, variables - first), forward from variable to output."""
@@ -123,7 +115,7 @@ class IntervalProgram:
             slope = self._slope(name, one, two, value, found, slopes)
             if i in self.quotients:
                 tight = self.quotients[i].slope(found, slopes)
-                slope = {k: _common(slope[k], tight[k]) for k in slope}
+                slope = {k: ia.common(slope[k], tight[k]) for k in slope}
             slopes.append(slope)
         return [[slopes[place].get(k, ia.ZERO) for k in range(first, self.variables)] for place in self.outputs]
 
@@ -158,37 +150,11 @@ class IntervalProgram:
             return total
         if not slopes[one]:
             return {}
-        rate = self._rate(name, found[one], two, value)
-        return {k: _scaled(slope, rate) for k, slope in slopes[one].items()}
-
-    @staticmethod
-    def _rate(name: str, a: Interval, exponent: Any, value: Interval) -> Interval:
-        """The derivative of a function of one argument."""
         if name == "**":
-            return ia.multiply(ia.of(exponent), ia.raised(a, exponent - 1))
-        if name == "exp":
-            return value
-        if name == "log":
-            return ia.divide(ia.UNIT, a)
-        if name == "tanh":
-            return ia.subtract(ia.UNIT, ia.power(value, 2))
-        if name == "sinh":
-            return ia.cosh(a)
-        if name == "cosh":
-            return ia.sinh(a)
-        if name == "sin":
-            return ia.cos(a)
-        if name == "cos":
-            return ia.negative(ia.sin(a))
-        if name == "atan":
-            return ia.divide(ia.UNIT, ia.add(ia.UNIT, ia.power(a, 2)))
-        assert name == "sqrt"
-        return ia.divide((ia.ONE // 2, ia.ONE // 2), value)
-
-
-def _common(a: Interval, b: Interval) -> Interval:
-    """What two enclosures of one number share."""
-    return max(a[0], b[0]), min(a[1], b[1])
+            rate = ia.multiply(ia.of(two), ia.raised(found[one], two - 1))
+        else:
+            rate = _FUNCTIONS[name][1](found[one], value)
+        return {k: _scaled(slope, rate) for k, slope in slopes[one].items()}
 
 
 def _scaled(slope: Interval, by: Interval) -> Interval:
@@ -276,36 +242,31 @@ class _ProgramReader:
 
     def _atom(self) -> int:
         token = self._next()
+        if token == "(":
+            return self._bracketed(token)
         self.place += 1
         if token.isascii() and token.isdigit():
             if len(token) > MOST_DIGITS:
                 raise Rejected(f"a number has at most {MOST_DIGITS} digits")
             return self.program.add("constant", Fraction(int(token)))
-        if token == "(":
-            inside = self._sum()
-            self._close()
-            return inside
         if token in _CONSTANTS:
             return self.program.add(token, 0)
         if token == "tan":
-            if not self._take("("):
-                raise Rejected("tan has an argument in brackets")
-            inside = self._sum()
-            self._close()
+            inside = self._bracketed(token)
             return self.program.add("/", self.program.add("sin", inside), self.program.add("cos", inside))
         if token in _FUNCTIONS:
-            if not self._take("("):
-                raise Rejected(f"{token} has an argument in brackets")
-            inside = self._sum()
-            self._close()
-            return self.program.add(token, inside)
+            return self.program.add(token, self._bracketed(token))
         if re.fullmatch(r"z[0-9]{1,3}", token) and int(token[1:]) < self.program.variables:
             return int(token[1:])
         raise Rejected(f"an expression has an unknown name or ends too soon. Got {token[:40]!r}")
 
-    def _close(self) -> None:
+    def _bracketed(self, name: str) -> int:
+        if not self._take("("):
+            raise Rejected(f"{name} has an argument in brackets")
+        inside = self._sum()
         if not self._take(")"):
             raise Rejected("a bracket is not closed")
+        return inside
 
     def _joined(self, sign: str, one: int, two: int) -> int:
         a, b = self.program.constant_at(one), self.program.constant_at(two)

@@ -24,7 +24,8 @@ class FactoredFraction:
     __slots__ = ("numerator", "powers")
 
     def __init__(self, numerator: Polynomial, powers: dict[int, int]) -> None:
-        self.numerator, self.powers = numerator, powers if numerator else {}
+        self.numerator = numerator
+        self.powers = {k: power for k, power in powers.items() if power} if numerator else {}
 
 
 class RationalFunctions:
@@ -52,25 +53,15 @@ class RationalFunctions:
             return FactoredFraction(
                 {exponents: sign * value for exponents, value in b.numerator.items()}, b.powers
             )
-        least = {
-            k: power for k in {*a.powers, *b.powers} if (power := min(a.powers.get(k, 0), b.powers.get(k, 0)))
-        }
-        total, other = dict(self._over(a, least)), self._over(b, least)
-        self._spend(len(other), total, other)
-        for exponents, value in other.items():
-            new = total.get(exponents, 0) + sign * value
-            if new:
-                total[exponents] = new
-            else:
-                del total[exponents]
-        return FactoredFraction(total, least)
+        least = {k: min(a.powers.get(k, 0), b.powers.get(k, 0)) for k in {*a.powers, *b.powers}}
+        return FactoredFraction(self._sum(self._over(a, least), self._over(b, least), sign), least)
 
     def multiply(self, a: FactoredFraction, b: FactoredFraction) -> FactoredFraction:
         """a b."""
         powers = dict(a.powers)
         for k, power in b.powers.items():
             powers[k] = powers.get(k, 0) + power
-        return FactoredFraction(self._product(a.numerator, b.numerator), {k: p for k, p in powers.items() if p})
+        return FactoredFraction(self._product(a.numerator, b.numerator), powers)
 
     def power(self, a: FactoredFraction, exponent: int) -> FactoredFraction:
         """a**exponent, whole; the numerator becomes a factor unless it is a single term."""
@@ -86,13 +77,11 @@ class RationalFunctions:
             return FactoredFraction({tuple(e * exponent for e in exponents): _power(value, exponent)}, powers)
         place, scale = self._factor(a.numerator)
         powers[place] = powers.get(place, 0) + exponent
-        return FactoredFraction(
-            {(0,) * self.variables: _power(scale, exponent)}, {k: p for k, p in powers.items() if p}
-        )
+        return FactoredFraction({(0,) * self.variables: _power(scale, exponent)}, powers)
 
     def derivative(self, a: FactoredFraction, place: int) -> FactoredFraction:
         """The partial derivative by a variable: (N' + N sum e_i F_i'/F_i) times the same powers."""
-        moving = [k for k, power in a.powers.items() if power and self._by(self.factors[k], place)]
+        moving = [k for k in a.powers if self._by(self.factors[k], place)]
         total = self._by(a.numerator, place)
         for k in moving:
             total = self._product(total, self.factors[k])
@@ -101,15 +90,8 @@ class RationalFunctions:
             for other in moving:
                 if other != k:
                     part = self._product(part, self.factors[other])
-            self._spend(len(part), total, part)
-            for exponents, value in part.items():
-                new = total.get(exponents, 0) + a.powers[k] * value
-                if new:
-                    total[exponents] = new
-                else:
-                    total.pop(exponents, None)
-        powers = {k: power - (k in moving) for k, power in a.powers.items()}
-        return FactoredFraction(total, {k: p for k, p in powers.items() if p})
+            total = self._sum(total, part, a.powers[k])
+        return FactoredFraction(total, {k: power - (k in moving) for k, power in a.powers.items()})
 
     def evaluate(
         self, program: IntervalProgram, arguments: Sequence[FactoredFraction]
@@ -139,6 +121,12 @@ class RationalFunctions:
         self._products += terms * (1 + (bits // LONG) ** 2)
         if self._products > MOST_PRODUCTS:
             raise Rejected(f"an identity takes more than {MOST_PRODUCTS} products of terms")
+
+    def _sum(self, a: Polynomial, b: Polynomial, factor: int) -> Polynomial:
+        """a + factor b."""
+        self._spend(len(b), a, b)
+        total = a | {exponents: a.get(exponents, 0) + factor * value for exponents, value in b.items()}
+        return {exponents: value for exponents, value in total.items() if value}
 
     def _product(self, a: Polynomial, b: Polynomial) -> Polynomial:
         self._spend(len(a) * len(b), a, b)

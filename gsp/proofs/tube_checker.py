@@ -80,19 +80,13 @@ class _TubeProof:
         self.boxes = self.work = 0
 
     def _read_tube(self, read: Any) -> None:
-        blocks, signs = read["blocks"], read["signs"]
+        blocks = read["blocks"]
         if not isinstance(blocks, list) or not all(isinstance(block, list) and block for block in blocks):
             raise Rejected("the blocks are lists of places")
         self.blocks = [[untrusted.count(i, self.m - 1) for i in block] for block in blocks]
         if sorted(i for block in self.blocks for i in block) != list(range(self.m)):
             raise Rejected("every fast direction is in one block")
-        if (
-            not isinstance(signs, list)
-            or len(signs) != len(blocks)
-            or any(type(s) is not int or s not in (-1, 1) for s in signs)
-        ):
-            raise Rejected("the signs are 1 and -1, one for each block")
-        self.signs = signs
+        self.signs = untrusted.signs(read["signs"], len(blocks), "the signs", "block")
         widths = untrusted.numbers(read["widths"], len(blocks))
         self.reach = untrusted.numbers(read["reach"], self.m)
         if any(width <= 0 for width in widths):

@@ -67,6 +67,17 @@ def numbers(texts: Any, length: int) -> list[Fraction]:
     return [number(text) for text in texts]
 
 
+def signs(rows: Any, length: int, what: str, of: str) -> list[int]:
+    """A row of 1 and -1."""
+    if (
+        not isinstance(rows, list)
+        or len(rows) != length
+        or any(type(s) is not int or abs(s) != 1 for s in rows)
+    ):
+        raise Rejected(f"{what} are 1 and -1, one for each {of}")
+    return rows
+
+
 def names(texts: Any) -> tuple[str, ...]:
     """A list of names: each once, and no character in it that moves a terminal's cursor."""
     if not isinstance(texts, list) or not all(isinstance(name, str) and len(name) <= 200 for name in texts):

@@ -20,10 +20,7 @@ def verify(path: Path) -> Checked | CheckedTube | CheckedCycle | CheckedPassage:
     kind = read.get("format") if isinstance(read, dict) else None
     if isinstance(kind, str) and kind.startswith(tube_checker.KIND):
         return tube_checker.check(read)
-    if kind == cycle_checker.FORMAT:
-        return cycle_checker.check(read)
-    if kind == circuit_checker.FORMAT:
-        return circuit_checker.check(read)
-    if kind == passage_checker.FORMAT:
-        return passage_checker.check(read)
+    for one in (cycle_checker, circuit_checker, passage_checker):
+        if kind == one.FORMAT:
+            return one.check(read)
     return checker.checked(read)
