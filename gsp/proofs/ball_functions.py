@@ -8,7 +8,7 @@ enclosure are refused by name, kinks among them: the theorems ask for smooth fie
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -59,7 +59,12 @@ def without_enclosure(expression: Any, over: str) -> UnsupportedFunctionError:
 
 
 class BallProgram:
-    """Expressions as operations on registers, each value written once; what there is to write is the subclass's."""
+    """Expressions as operations on registers, each value written once; how to write sums, products and powers is the
+    subclass's, and what `functions` it has `over` its values.
+    """
+
+    functions: Mapping[Any, Callable[[Any], Any]]
+    over: str
 
     def __init__(self, arguments: Sequence[sp.Symbol], shared: tuple[list[tuple[Any, Any]], list[Any]]) -> None:
         self.arguments = tuple(arguments)
@@ -78,7 +83,22 @@ class BallProgram:
         return place
 
     def _new(self, expression: Any) -> int:
-        raise NotImplementedError
+        """What is no sum, product or power."""
+        if expression.is_Rational or expression.is_Float:
+            # Of a decimal the number that it holds, not what it was made from.
+            value = sp.Rational(expression)
+            return self._register(arb(fmpq(int(value.p), int(value.q))))
+        if expression in _CONSTANTS:
+            return self._register(_CONSTANTS[expression]())
+        if expression.func in self.functions:
+            return self._operation(self.functions[expression.func], self._written(expression.args[0]))
+        if expression.is_Symbol:
+            raise UnsupportedFunctionError(
+                f"{expression} is no argument of this function and has no value.",
+                "Give it an interval.",
+                got=f"it among {', '.join(map(str, self.arguments))}",
+            )
+        raise without_enclosure(expression, self.over)
 
     def _register(self, value: arb | None) -> int:
         self._registers.append(value)
@@ -101,6 +121,8 @@ class BallFunction(BallProgram):
     >>> float(square([balls.exact(3)])[0].mid())
     9.0
     """
+
+    functions, over = _FUNCTIONS, "balls"
 
     def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
         bounded = [_bounded(e) if e.has(sp.cosh, sp.exp) else e for e in outputs]
@@ -150,14 +172,6 @@ class BallFunction(BallProgram):
     # -- writing -----------------------------------------------------------------------------------
 
     def _new(self, expression: Any) -> int:
-        if expression.is_Rational:
-            return self._register(arb(fmpq(int(expression.p), int(expression.q))))
-        if expression.is_Float:
-            # The number that it holds, not the decimal it was made from.
-            value = sp.Rational(expression)
-            return self._register(arb(fmpq(int(value.p), int(value.q))))
-        if expression in _CONSTANTS:
-            return self._register(_CONSTANTS[expression]())
         if expression.is_Add:
             return self._sum(expression)
         if expression.is_Mul:
@@ -169,15 +183,7 @@ class BallFunction(BallProgram):
             return self._operation(
                 balls.quotient, self._written(sp.sin(argument)), self._written(sp.cos(argument))
             )
-        if expression.func in _FUNCTIONS:
-            return self._operation(_FUNCTIONS[expression.func], self._written(expression.args[0]))
-        if expression.is_Symbol:
-            raise UnsupportedFunctionError(
-                f"{expression} is no argument of this function and has no value.",
-                "Give it an interval.",
-                got=f"it among {', '.join(map(str, self.arguments))}",
-            )
-        raise without_enclosure(expression, "balls")
+        return super()._new(expression)
 
     def _sum(self, expression: Any) -> int:
         total: int | None = None

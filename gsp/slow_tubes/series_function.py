@@ -8,10 +8,10 @@ from typing import Any
 
 import flint
 import sympy as sp
-from flint import arb, arb_series, fmpq
+from flint import arb, arb_series
 
 from gsp.proofs import balls
-from gsp.proofs.ball_functions import BallProgram, without_enclosure
+from gsp.proofs.ball_functions import BallProgram
 
 
 def _reciprocal(u: arb_series) -> arb_series:
@@ -42,7 +42,6 @@ _FUNCTIONS: dict[Any, Callable[[Any], Any]] = {
     sp.sinh: _sinh,
     sp.cosh: _cosh,
 }
-_CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
 
 
 class SeriesFunction(BallProgram):
@@ -51,6 +50,8 @@ class SeriesFunction(BallProgram):
     Constants have the precision of the time at which it is made. Where a series leaves the domain of a function its
     coefficients are not finite. Raises `UnsupportedFunctionError` for a function without an enclosure.
     """
+
+    functions, over = _FUNCTIONS, "power series"
 
     def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
         super().__init__(arguments, sp.cse(list(outputs), order="none"))
@@ -73,10 +74,6 @@ class SeriesFunction(BallProgram):
     # -- writing -----------------------------------------------------------------------------------
 
     def _new(self, expression: Any) -> int:
-        if expression.is_Rational:
-            return self._register(arb(fmpq(int(expression.p), int(expression.q))))
-        if expression in _CONSTANTS:
-            return self._register(_CONSTANTS[expression]())
         if expression.is_Add or expression.is_Mul:
             function = operator.add if expression.is_Add else operator.mul
             places = [self._written(part) for part in expression.args]
@@ -86,9 +83,7 @@ class SeriesFunction(BallProgram):
             return total
         if expression.is_Pow:
             return self._power(*expression.args)
-        if expression.func in _FUNCTIONS:
-            return self._operation(_FUNCTIONS[expression.func], self._written(expression.args[0]))
-        raise without_enclosure(expression, "power series")
+        return super()._new(expression)
 
     def _power(self, base: Any, exponent: Any) -> int:
         if base is sp.E:
