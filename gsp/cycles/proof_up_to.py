@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gsp.errors import GspError
-from gsp.proofs.verdict import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict, require_proved
 from gsp.results.drawn import Drawn
 from gsp.results.files import write_file
 
@@ -28,12 +27,7 @@ class ProofUpTo(Drawn):
         Raises `GspError` unless the verdict is PROVED and the checker follows the proof, `OutputError` when the file
         cannot be written.
         """
-        if self.verdict is not ProofVerdict.PROVED:
-            raise GspError(
-                "only a proof can be saved.",
-                "Give a smaller epsilon, or parameters away from canards.",
-                got=f"the verdict {self.verdict.name}: {self.reason}",
-            )
+        require_proved(self.verdict, self.reason, "Give a smaller epsilon, or parameters away from canards.")
         text = json.dumps(self._plain(), separators=(",", ":"), allow_nan=False)
         write_file((text + "\n").encode(), Path(path))
 

@@ -21,13 +21,13 @@ from gsp.errors import GspError
 from gsp.proofs import balls, checker, intervals, untrusted
 from gsp.proofs.covering import Part, glue, refine
 from gsp.proofs.tubes import RootTube
+from gsp.proofs.verdict import require_proved
 from gsp.results.bounds import shown_sides
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
     from gsp.proofs.certificate import Certificate
 
-FORMAT = "gsp normal hyperbolicity 1"
 # Shares of the gap that are claimed, round by round; between rounds the boxes that the checker refuses are cut, with
 # such room for their tubes. Where a matrix is constant its bound is met with equality, and where the checker encloses
 # less sharply it needs more boxes.
@@ -37,12 +37,7 @@ ROOMS = (2.0, 4.0, 8.0, 8.0, 16.0, 16.0, 32.0, 32.0, 64.0, 64.0)
 
 def write(certificate: Certificate, path: Path) -> None:
     """Write the proof; raises `GspError` when there is none, `OutputError` when the file cannot be written."""
-    if certificate.verdict.value != "proved":
-        raise GspError(
-            "only a proof can be saved.",
-            "Shrink the region or raise most_boxes.",
-            got=f"the verdict {certificate.verdict.name}: {certificate.reason}",
-        )
+    require_proved(certificate.verdict, certificate.reason, "Shrink the region or raise most_boxes.")
     text = json.dumps(_accepted(certificate), indent=None, separators=(",", ":"), allow_nan=False)
     if len(text) >= untrusted.MOST_BYTES:
         raise GspError(
@@ -89,7 +84,7 @@ def as_json(certificate: Certificate, share: float) -> dict:
     equations = certificate._equations
     plain = {s: sp.Symbol(f"z{i}") for i, s in enumerate(equations.arguments)}
     return {
-        "format": FORMAT,
+        "format": checker.FORMAT,
         "names": [s.name for s in equations.arguments],
         "over": equations.n,
         "equations": [_text(e, plain) for e in equations.equations],
@@ -133,10 +128,5 @@ def _nodes(root: Part) -> list[dict]:
 
 
 def _tube(tube: RootTube) -> dict[str, list[str]]:
-    return {
-        "middle": _numbers(tube.middle),
-        "centre": _numbers(tube.centre),
-        "slope": _numbers(tube.slope),
-        "radius": _numbers(tube.radius),
-        "inverse": _numbers(tube.inverse),
-    }
+    keys = ("middle", "centre", "slope", "radius", "inverse")
+    return {key: _numbers(getattr(tube, key)) for key in keys}

@@ -20,6 +20,7 @@ from gsp.errors import GspError
 from gsp.proofs import balls, tube_checker
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.programs import NotRational, Rejected
+from gsp.proofs.verdict import require_proved
 from gsp.results.files import write_file
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import Tally
@@ -46,12 +47,7 @@ def write(tube: SlowTube, path: Path) -> None:
     """Write the proof; raises `GspError` when there is none or the checker does not follow it, `OutputError` when the
     file cannot be written.
     """
-    if tube._proof is None or tube.verdict.value != "proved":
-        raise GspError(
-            "only a proof can be saved.",
-            "Shrink the region or lower epsilon.",
-            got=f"the verdict {tube.verdict.name}: {tube.reason}",
-        )
+    require_proved(tube.verdict, tube.reason, "Shrink the region or lower epsilon.")
     with precision(balls.PRECISION):
         text = json.dumps(_accepted(tube), separators=(",", ":"), allow_nan=False)
     write_file((text + "\n").encode(), path)
@@ -128,13 +124,5 @@ def _claim(search: TubeSearch, widths: np.ndarray, epsilon: float, cones: list[C
         "boundary": tube.boundary,
         "unique": tube.is_unique,
         "collar": collar.hex(),
-        "cones": [
-            {
-                "low": c.low.hex(),
-                "high": c.high.hex(),
-                "slope": c.slope.hex(),
-                "collar": c.collar.hex(),
-            }
-            for c in steps
-        ],
+        "cones": [{key: getattr(c, key).hex() for key in ("low", "high", "slope", "collar")} for c in steps],
     }
