@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.differentiation import jacobian
+from gsp.algebra.laurent import laurent
+from gsp.critical.branch import Branch
 from gsp.proofs.spectrum import IMAGINARY
 
 
@@ -18,6 +21,15 @@ class AdaptedBasis:
     matrix: sp.Matrix
     blocks: tuple[tuple[int, ...], ...]
     signs: tuple[int, ...]
+
+
+def fast_jacobian(branch: Branch, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Matrix:
+    """D_y g on the graph of an explicit branch, with `values` of parameters."""
+    system, graph = branch.system, branch.graph
+    assert graph is not None
+    at = {y: sp.sympify(e, strict=True).xreplace(values) for y, e in graph.items()}
+    g = [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)).xreplace(values) for e in system.g]
+    return jacobian(g, system.y).xreplace(at)
 
 
 def adapted_bases(

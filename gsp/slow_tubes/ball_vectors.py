@@ -14,12 +14,7 @@ def centres(vector: Sequence[arb]) -> list[arb]:
 
 def centre_of(matrix: arb_mat) -> arb_mat:
     """The matrix of the middles."""
-    return arb_mat(matrix.nrows(), matrix.ncols(), centres(entries(matrix)))
-
-
-def entries(matrix: arb_mat) -> list[arb]:
-    """Row by row."""
-    return list(matrix.entries())
+    return arb_mat(matrix.nrows(), matrix.ncols(), centres(matrix.entries()))
 
 
 def row(matrix: arb_mat, i: int) -> list[arb]:
@@ -29,7 +24,7 @@ def row(matrix: arb_mat, i: int) -> list[arb]:
 
 def times(matrix: arb_mat, vector: Sequence[arb]) -> list[arb]:
     """The matrix applied to a vector."""
-    return entries(matrix * arb_mat(len(vector), 1, list(vector)))
+    return (matrix * arb_mat(len(vector), 1, list(vector))).entries()
 
 
 def minus(one: Sequence[arb], two: Sequence[arb]) -> list[arb]:

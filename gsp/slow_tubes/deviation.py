@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from flint import arb, arb_mat
 
 from gsp.proofs import balls
-from gsp.slow_tubes.ball_vectors import centre_of, centres, entries, minus, row, times
+from gsp.slow_tubes.ball_vectors import centre_of, centres, minus, row, times
 from gsp.slow_tubes.frame import BALL, FibreBasis, framed
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import norm
@@ -120,9 +120,9 @@ def deviation(offset: Sequence[arb], away: Sequence[arb]) -> Deviation:
     unit = arb_mat(m, m, [arb(int(i == j)) for i in range(m) for j in range(m)])
     return Deviation(
         centre,
-        norm([o - c for o, c in zip(offset, centre)]),
+        norm(minus(offset, centre)),
         fast,
-        norm([o - c for o, c in zip(away, fast)]),
+        norm(minus(away, fast)),
         FibreBasis(unit, unit),
     )
 
@@ -198,7 +198,7 @@ class DeviationFlow:
         B = arb_mat(m, m, inv.normal([*x, *z, small]))
         C = arb_mat(n, m, inv.forcing([*x, *z, small]))
         if not (A.is_finite and both.is_finite and phi.is_finite) or not all(
-            e.is_finite() for e in [*entries(B), *entries(C)]
+            e.is_finite() for e in [*B.entries(), *C.entries()]
         ):
             return None
         frame, decay = framed(frame, B)
@@ -221,7 +221,7 @@ class DeviationFlow:
         away = [a - q + p * half for a, q, p in zip(state.fast, target, slope)]
         size = frame.size(away)
         # |E - 1| is at most 2, and at most the integral of |B_0| over the step.
-        steep = norm(entries(frame.inverse * B * frame.matrix)) * length / eps
+        steep = norm((frame.inverse * B * frame.matrix).entries()) * length / eps
         about, near = frame.box(size), frame.box(size * steep.min(arb(2)))
         centre = [
             q + p * half * BALL + _both(b, a + c) for q, p, b, a, c in zip(target, slope, about, away, near)
@@ -291,7 +291,7 @@ class DeviationFlow:
             )
         ]
         growth = (log_norm([row(A, i) for i in range(n)]) * length).exp()
-        forced = norm(entries(found.C * found.frame.matrix)) * passed + norm(defects) * length
+        forced = norm((found.C * found.frame.matrix).entries()) * passed + norm(defects) * length
         most = growth.max(arb(1)) * (state.radius + forced)
         error = (state.radius * growth + growth.max(arb(1)) * forced).upper()
         # U_0 is off the chord by |U_0''| length^2/8 at most.

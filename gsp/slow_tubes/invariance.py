@@ -21,7 +21,7 @@ from flint import arb
 from gsp.algebra.factorisation import exponentials
 from gsp.algebra.functions import are_rational, is_rational_node
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import RingElement
+from gsp.algebra.ring_elements import RingElement, power
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.verdict import ProofVerdict
@@ -129,8 +129,8 @@ class Invariance:
     def _read(self, expression: sp.Expr) -> RingElement:
         return read(expression, self._ring, {})
 
-    def _small(self, power: int) -> RingElement:
-        return self._ring.constant(1) * _monomial(self._ring, self.epsilon, power)
+    def _small(self, exponent: int) -> RingElement:
+        return power(self._ring.generator(self.epsilon), exponent)
 
     def _flow(
         self, symbols: Sequence[sp.Symbol], f: list[sp.Expr], g: list[sp.Expr], y: list[RingElement]
@@ -150,7 +150,7 @@ class Invariance:
     def _divided(self, element: RingElement) -> RingElement:
         """The element over epsilon^(n+1), or `NotInvariantError`."""
         numerator = element.numerator
-        one = _monomial(self._ring, self.epsilon, 1).numerator
+        one = self._small(1).numerator
         for order in range(self.order + 1):
             numerator, rest = divmod(numerator, one)
             if rest != 0:
@@ -283,13 +283,6 @@ class Invariance:
     def turning(self) -> BallFunction:
         """P (m m,), row by row, over (*x, epsilon)."""
         return self._balls([e for row in self._P for e in row], at_zero=True)
-
-
-def _monomial(ring: LocalisedRing, symbol: sp.Symbol, power: int) -> RingElement:
-    result = ring.one
-    for _ in range(power):
-        result = result * ring.generator(symbol)
-    return result
 
 
 def _require_rational(expressions: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> None:

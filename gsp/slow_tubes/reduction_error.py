@@ -15,8 +15,6 @@ import numpy as np
 import sympy as sp
 from flint import arb, arb_mat
 
-from gsp.algebra.differentiation import jacobian
-from gsp.algebra.laurent import laurent
 from gsp.algebra.precision import precision
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
@@ -26,7 +24,7 @@ from gsp.proofs.verdict import ProofVerdict
 from gsp.results.bounds import at_least, at_most
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
-from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
+from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases, fast_jacobian
 from gsp.slow_tubes.deviation import Deviation, DeviationFlow, Span, deviation
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError
 from gsp.slow_tubes.isolation import norm
@@ -190,7 +188,7 @@ class _Run:
         graph = self.invariance.graph([*x, self.epsilon])
         away = arb_mat(m, 1, [(a - b) / self.flow.unit for a, b in zip(y, graph)])
         turning = arb_mat(m, m, self.invariance.turning([*x, self.epsilon]))
-        return list(turning.solve(away).entries())
+        return turning.solve(away).entries()
 
     def _pace(self, state: Deviation, s: list[arb]) -> Callable[[float], float]:
         """How long a step may be at a time t.
@@ -225,19 +223,15 @@ class _Run:
 
 def _attracting(series: SeriesManifold, values: dict[sp.Symbol, sp.Expr], near: list[arb]) -> AdaptedBasis:
     """A constant basis; `DeclarationError` where the branch does not attract at the start."""
-    system, graph = series.branch.system, series.branch.graph
-    assert graph is not None
-    at = {y: sp.sympify(e, strict=True).xreplace(values) for y, e in graph.items()}
-    g = [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)).xreplace(values) for e in system.g]
-    point = {x: sp.Rational(float(v.mid())) for x, v in zip(system.x, near)}
-    matrix = jacobian(g, system.y).xreplace(at).xreplace(point)
-    for basis in adapted_bases(matrix, system.x, [point]):
+    x = series.branch.system.x
+    point = {s: sp.Rational(float(v.mid())) for s, v in zip(x, near)}
+    for basis in adapted_bases(fast_jacobian(series.branch, values).xreplace(point), x, [point]):
         if 1 not in basis.signs:
             return basis
     raise DeclarationError(
         "the error of a reduction is bounded on an attracting branch.",
         got=(
-            f"{series.branch} at {', '.join(f'{x} = {float(v):g}' for x, v in point.items())}, which does not "
+            f"{series.branch} at {', '.join(f'{s} = {float(v):g}' for s, v in point.items())}, which does not "
             "attract. certify(series) proves a tube about one of saddle type"
         ),
     )

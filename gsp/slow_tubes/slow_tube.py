@@ -15,8 +15,6 @@ import numpy as np
 import sympy as sp
 from flint import arb
 
-from gsp.algebra.differentiation import jacobian
-from gsp.algebra.laurent import laurent
 from gsp.algebra.precision import precision
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
@@ -27,7 +25,7 @@ from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import rounded_sides, written
 from gsp.results.bounds import at_least, at_most
 from gsp.slow.series import SeriesManifold, expand
-from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
+from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases, fast_jacobian
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError
 from gsp.slow_tubes.isolation import Tally, norm
 from gsp.slow_tubes.tube import Tube
@@ -189,14 +187,9 @@ class _TubeSearch:
     # -- what is looked for ------------------------------------------------------------------------
 
     def _problems(self) -> list[TubeSearch]:
-        system = self.series.branch.system
-        graph = self.series.branch.graph
-        assert graph is not None
-        at = {y: sp.sympify(e, strict=True).xreplace(self.values) for y, e in graph.items()}
-        g = [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)).xreplace(self.values) for e in system.g]
-        matrix = jacobian(g, system.y).xreplace(at).applyfunc(sp.cancel)
+        matrix = fast_jacobian(self.series.branch, self.values).applyfunc(sp.cancel)
         middle = {s: sp.Rational(0.5 * sum(self.box[s.name])) for s in self.x}
-        parameters = self.x[len(system.x) :]
+        parameters = self.x[len(self.series.branch.system.x) :]
         region = tuple(self.box[s.name] for s in self.x)
         return [
             TubeSearch(

@@ -9,7 +9,7 @@ from flint import arb, arb_mat
 
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
-from gsp.slow_tubes.ball_vectors import centre_of, centres, entries, minus, row, times
+from gsp.slow_tubes.ball_vectors import centre_of, centres, minus, row, times
 from gsp.slow_tubes.series_function import SeriesFunction
 
 x, y = sp.symbols("x y")
@@ -51,6 +51,6 @@ def test_vectors_and_matrices_of_balls() -> None:
     assert [float(e) for e in row(matrix, 1)[:2]] == [4, 5]
     assert [float(e.mid()) for e in times(matrix, [arb(1), arb(0), arb(-1)])] == [-2, -2]
     assert [float(e) for e in minus([arb(3), arb(1)], [arb(1), arb(4)])] == [2, -3]
-    middle = entries(centre_of(matrix))
+    middle = centre_of(matrix).entries()
     assert [float(e) for e in middle] == [1, 2, 3, 4, 5, 6]
     assert all(e.rad() == 0 for e in [*middle, *centres([arb(1, 0.5)])])
