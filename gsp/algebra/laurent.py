@@ -74,26 +74,21 @@ def _coefficients(expression: sp.Expr, epsilon: sp.Symbol, order: int) -> dict[i
             series = _coefficients(factor, epsilon, slack)
             product = _multiply(product, series, order - sum(lowest[i + 1 :]))
         return _nonzero(product)
-    if expression.is_Pow and expression.exp.is_Integer:
-        base, exponent = expression.base, int(expression.exp)
-        # Also refuses the reciprocal of zero.
-        length = order - _valuation(expression, epsilon)
-        valuation = _valuation(base, epsilon)
-        if length < 0:
-            return {}
-        series = _coefficients(base, epsilon, valuation + length)
-        shifted = {k - valuation: c for k, c in series.items()}
-        if exponent < 0:
-            shifted, exponent = _reciprocal(shifted, length), -exponent
-        result: dict[int, sp.Expr] = {0: sp.Integer(1)}
-        for _ in range(exponent):
-            result = _multiply(result, shifted, length)
-        offset = valuation * int(expression.exp)
-        return _nonzero({k + offset: c for k, c in sorted(result.items())})
-    raise DeclarationError(
-        f"{epsilon} stands in {expression}, which is no pole or power of {epsilon}.",
-        f"Replace it by its Taylor polynomial in {epsilon}.",
-    )
+    # Also refuses the reciprocal of zero, and whatever is no power.
+    length = order - _valuation(expression, epsilon)
+    base, exponent = expression.base, int(expression.exp)
+    valuation = _valuation(base, epsilon)
+    if length < 0:
+        return {}
+    series = _coefficients(base, epsilon, valuation + length)
+    shifted = {k - valuation: c for k, c in series.items()}
+    if exponent < 0:
+        shifted, exponent = _reciprocal(shifted, length), -exponent
+    result: dict[int, sp.Expr] = {0: sp.Integer(1)}
+    for _ in range(exponent):
+        result = _multiply(result, shifted, length)
+    offset = valuation * int(expression.exp)
+    return _nonzero({k + offset: c for k, c in sorted(result.items())})
 
 
 def pole_order(expression: sp.Expr, epsilon: sp.Symbol) -> int:

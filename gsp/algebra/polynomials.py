@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import flint
@@ -66,9 +67,7 @@ def reach(polynomial: flint.fmpq_mpoly, sizes: Sequence[int]) -> tuple[int, int]
 
 def primitive_multiple(polynomial: flint.fmpq_mpoly) -> tuple[flint.fmpq_mpoly, sp.Rational]:
     """(c P, c) with the smallest integer c > 0 for which c P has integer coefficients."""
-    scale = 1
-    for coefficient in polynomial.coeffs():
-        scale = int(sp.ilcm(scale, int(flint.fmpq(coefficient).q)))
+    scale = math.lcm(*(int(flint.fmpq(coefficient).q) for coefficient in polynomial.coeffs()))
     return polynomial * flint.fmpq(scale), sp.Integer(scale)
 
 

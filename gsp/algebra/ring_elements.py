@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import flint
@@ -186,16 +187,10 @@ def number_of(a: RingElement) -> flint.fmpq | None:
 
 
 def exponents_maximum(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:
-    if len(a) < len(b):
-        a, b = b, a
-    return tuple(max(x, b[i]) if i < len(b) else x for i, x in enumerate(a))
+    return tuple(map(max, zip_longest(a, b, fillvalue=0)))
 
 
 def exponents_sum(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:
-    if not a:
-        return b
-    if not b:
-        return a
-    if len(a) < len(b):
-        a, b = b, a
-    return tuple(x + b[i] if i < len(b) else x for i, x in enumerate(a))
+    if not (a and b):
+        return a or b
+    return tuple(map(sum, zip_longest(a, b, fillvalue=0)))
