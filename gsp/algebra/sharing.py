@@ -7,6 +7,7 @@ number of its operations.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from hashlib import blake2b
@@ -119,34 +120,29 @@ def _made(name: str, args: Sequence[Expr]) -> Expr:
     return node
 
 
-def parts_of(expression: Expr) -> list[Expr]:
-    """Every different part of `expression` that has parts itself, each once."""
-    found: dict[Expr, None] = {}
-    stack = [expression]
+def parts_of(*expressions: Expr) -> list[Expr]:
+    """Every different part of `expressions` that has parts itself, each once, after its own parts."""
+    found: list[Expr] = []
+    stack = [(expression, False) for expression in reversed(expressions)]
+    entered: set[Expr] = set()
     while stack:
-        part = stack.pop()
-        if part.args and part not in found:
-            found[part] = None
-            stack.extend(part.args)
-    return list(found)
+        part, is_done = stack.pop()
+        if is_done:
+            found.append(part)
+        elif part.args and part not in entered:
+            entered.add(part)
+            stack.append((part, True))
+            stack.extend((inner, False) for inner in part.args)
+    return found
 
 
 def operations(expressions: Iterable[Expr]) -> int:
     """How many operations `expressions` have when they are written out, what is shared as often as it is used."""
+    outputs = tuple(expressions)
     known: dict[Expr, int] = {}
-    total = 0
-    for expression in expressions:
-        stack = [expression]
-        while stack:
-            part = stack[-1]
-            pending = [inner for inner in part.args if inner.args and inner not in known]
-            if pending and part not in known:
-                stack.extend(pending)
-                continue
-            known.setdefault(part, sum(known.get(inner, 0) for inner in part.args) + max(len(part.args) - 1, 1))
-            stack.pop()
-        total += known[expression] if expression.args else 0
-    return total
+    for part in parts_of(*outputs):
+        known[part] = max(len(part.args) - 1, 1) + sum(known.get(inner, 0) for inner in part.args)
+    return sum(known.get(output, 0) for output in outputs)
 
 
 def holding(expressions: Iterable[Expr], atoms: Collection[Expr]) -> list[bool]:
@@ -216,20 +212,10 @@ def named_parts(
 
     The expressions share nothing any more, and are left as they are. `rule` puts other symbols for theirs.
     """
-    order: list[Expr] = []
-    uses: dict[Expr, int] = dict.fromkeys(outputs, 1)
-    stack: list[tuple[Expr, bool]] = [(output, False) for output in reversed(outputs)]
-    entered: set[Expr] = set()
-    while stack:
-        part, is_done = stack.pop()
-        if is_done:
-            order.append(part)
-        elif part.args and part not in entered:
-            entered.add(part)
-            stack.append((part, True))
-            for inner in part.args:
-                uses[inner] = uses.get(inner, 0) + 1
-                stack.append((inner, False))
+    order = parts_of(*outputs)
+    uses = Counter({*outputs})
+    for part in order:
+        uses.update(part.args)
     plain: dict[Expr, Expr] = {}
     depth: dict[Expr, int] = {}
     definitions: list[tuple[sp.Symbol, Expr]] = []

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import sympy as sp
 
 from gsp.algebra.bounded_quotients import bounded
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, parts
+from gsp.algebra.sharing import parts_of
 from gsp.kernels import jets
 
 # Levels of nesting that are written by recursion, a few calls each.
@@ -239,15 +239,8 @@ def landings(*expressions: sp.Expr) -> list[sp.Expr]:
     Horner forms of long series are nested a thousand deep, beyond what Python's stack holds.
     """
     heights: dict[sp.Basic, int] = {}
-    stack: list[Any] = list(expressions)
-    while stack:
-        top = stack[-1]
-        pending = [part for part in top.args if part not in heights]
-        if pending:
-            stack.extend(pending)
-            continue
-        stack.pop()
-        heights[top] = 1 + max((heights[part] for part in top.args), default=0)
+    for part in parts_of(*reversed(expressions)):
+        heights[part] = 1 + max(heights.get(inner, 1) for inner in part.args)
     arithmetic = (sp.Add, sp.Mul, sp.Pow)
     found = [e for e, height in heights.items() if height % _DEEPEST == 0 and isinstance(e, arithmetic)]
     return sorted(found, key=heights.__getitem__)
