@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import flint
 import sympy as sp
+from sympy.utilities.iterables import connected_components
 
 from gsp.algebra.substitution import substituted
 
@@ -86,20 +87,6 @@ def connected_parts(
     entries: Iterable[tuple[int, int]], rows: int, columns: int
 ) -> list[tuple[list[int], list[int]]]:
     """Rows and columns of the parts of a matrix that no entry joins, from the places of its entries."""
-    label = list(range(rows + columns))
-
-    def first(k: int) -> int:
-        while label[k] != k:
-            k = label[k]
-        return k
-
-    for i, j in entries:
-        label[first(rows + j)] = first(i)
-    parts: dict[int, tuple[list[int], list[int]]] = {}
-    for k in range(len(label)):
-        kept = parts.setdefault(first(k), ([], []))
-        if k < rows:
-            kept[0].append(k)
-        else:
-            kept[1].append(k - rows)
-    return list(parts.values())
+    edges = [(i, rows + j) for i, j in entries]
+    parts = map(sorted, connected_components((range(rows + columns), edges)))
+    return [([k for k in part if k < rows], [k - rows for k in part if k >= rows]) for part in parts]

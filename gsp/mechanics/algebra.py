@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.elimination_over_rationals import connected_parts
 from gsp.algebra.functions import are_rational
 from gsp.algebra.ring import LocalisedRing, read
 from gsp.algebra.ring_elements import RingElement
@@ -179,7 +180,8 @@ class Algebra:
         """Inverse, block by block; raises `HyperbolicityError` when the matrix is singular."""
         n = len(matrix)
         result = [[self.ring.zero] * n for _ in range(n)]
-        for rows, columns in _blocks(matrix):
+        entries = [(i, j) for i in range(n) for j in range(n) if not matrix[i][j].is_zero]
+        for rows, columns in connected_parts(entries, n, n):
             if len(rows) != len(columns):
                 # A block that is not square makes the matrix singular; inverting zero says so.
                 self.ring.zero.inverse()
@@ -236,24 +238,6 @@ def _shorter(total: sp.Expr, sine: sp.Expr, cosine: sp.Expr) -> sp.Expr:
         rules = {p: (1 - kept**2) ** (k // 2) * replaced ** (k % 2) for p, k in powers.items()}
         forms.append(sp.expand(total.xreplace(rules)))
     return min(forms, key=lambda form: len(sp.Add.make_args(form)))
-
-
-def _blocks(matrix: Matrix) -> list[tuple[list[int], list[int]]]:
-    """Rows and columns of the blocks that a matrix falls into when both are reordered."""
-    n = len(matrix)
-    left = set(range(n))
-    blocks = []
-    while left:
-        rows, columns = {min(left)}, set()
-        while True:
-            wider = {j for i in rows for j in range(n) if not matrix[i][j].is_zero}
-            taller = rows | {i for j in wider for i in range(n) if not matrix[i][j].is_zero}
-            if wider == columns and taller == rows:
-                break
-            rows, columns = taller, wider
-        left -= rows
-        blocks.append((sorted(rows), sorted(columns)))
-    return blocks
 
 
 def numbers(
