@@ -58,6 +58,10 @@ class CompiledFlow:
     watched: Values
     """The flow's observables."""
     is_stiff: bool
+    layouts: dict = field(default_factory=dict, init=False)
+    """What integrators keep of their runs over this flow, by method; see `integration.run_array`."""
+    _steps: dict[int, CompiledStep | None] = field(default_factory=dict, init=False)
+    _programs: dict[int, np.ndarray] = field(default_factory=dict, init=False)
 
     def __reduce__(self) -> tuple:
         return CompiledFlow, (self.expressions, self.values, self.watched, self.is_stiff)
@@ -119,15 +123,10 @@ class CompiledFlow:
 
     def collocation(self, stages: int) -> CompiledStep | None:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
-        known = self._collocations
         with MAKING:
-            if stages not in known:
-                known[stages] = _collocation(self.expressions, stages) if self.is_written else None
-        return known[stages]
-
-    @_made_once
-    def _collocations(self) -> dict[int, CompiledStep | None]:
-        return {}
+            if stages not in self._steps:
+                self._steps[stages] = _collocation(self.expressions, stages) if self.is_written else None
+        return self._steps[stages]
 
     @_made_once
     def is_written(self) -> bool:
@@ -141,24 +140,18 @@ class CompiledFlow:
 
     def collocation_program(self, stages: int) -> np.ndarray:
         """What the kernel of the Radau methods takes for the method of so many stages."""
-        known = self._collocation_programs.get(stages)
+        known = self._programs.get(stages)
         if known is None:
-            known = self._collocation_programs[stages] = self._program(
-                radau, self.collocation(stages), COLLOCATION_LOOPS
-            )
+            known = self._programs[stages] = self._program(self.collocation(stages))
         return known
 
-    @_made_once
-    def _collocation_programs(self) -> dict[int, np.ndarray]:
-        return {}
-
-    def _program(self, method: Callable[..., Any], code: CompiledStep | None, loops: Loops) -> np.ndarray:
+    def _program(self, code: CompiledStep | None) -> np.ndarray:
         # The loops stand behind a code as well, but next to no run comes to them.
-        run = address_of(method, addresses.METHOD)
+        run = address_of(radau, addresses.METHOD)
         if code is None:
             # With the whole Jacobian, or its entries and their pattern.
             derivatives = self.entries.address if self.is_sparse else self.jacobian
-            return np.array([self.field, derivatives, run, address_of(*loops), 0, *self._pattern])
+            return np.array([self.field, derivatives, run, address_of(*COLLOCATION_LOOPS), 0, *self._pattern])
         return np.array([self.field, self.jacobian, run, 0, *code.program])
 
     @_made_once
@@ -178,11 +171,6 @@ class CompiledFlow:
     @_made_once
     def _fixed(self) -> tuple[float, ...]:
         return self._values[1:]
-
-    @_made_once
-    def layouts(self) -> dict:
-        """What integrators keep of their runs over this flow, by method; see `integration.run_array`."""
-        return {}
 
     def parameters(self, epsilon: float | None) -> tuple[float, ...]:
         """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
@@ -249,9 +237,5 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
 @lru_cache(maxsize=MOST_KEPT // 3)
 def _collocation(code: FlowCode, stages: int) -> CompiledStep:
     written = CollocationCode(code, stages)
-    return _step(written.text(), written.NAMES, written.size)
-
-
-def _step(text: str, names: Sequence[str], *numbers: int) -> CompiledStep:
-    engine = build(text, library=LIBRARY)
-    return CompiledStep((*map(engine.get_function_address, names), *numbers), engine)
+    engine = build(written.text(), library=LIBRARY)
+    return CompiledStep((*map(engine.get_function_address, written.NAMES), written.size), engine)

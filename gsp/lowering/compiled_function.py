@@ -118,11 +118,7 @@ def compile_function(
 
 
 def compile_over(
-    flow: Flow,
-    outputs: Sequence[sp.Expr],
-    *,
-    arguments: Sequence[sp.Symbol] | None = None,
-    scheduled: bool = False,
+    flow: Flow, outputs: Sequence[sp.Expr], *, arguments: Sequence[sp.Symbol] | None = None
 ) -> CompiledFunction:
     """`outputs` as functions of the states of `flow`, or of `arguments`, and of its epsilon and parameters."""
     return compile_function(
@@ -130,7 +126,6 @@ def compile_over(
         arguments=flow.states if arguments is None else arguments,
         epsilon=flow.epsilon,
         parameters=tuple(flow.parameters),
-        scheduled=scheduled,
     )
 
 

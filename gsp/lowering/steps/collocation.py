@@ -108,17 +108,10 @@ class CollocationCode:
     def text(self) -> str:
         """The module."""
         module = ir.Module()
-        writers = (
-            _Writer.begin,
-            _Writer.round,
-            _Writer.finish,
-            _Writer.again,
-            _Writer.accept,
-        )
-        for name, write in zip(self.NAMES, writers):
+        for name in self.NAMES:
             function = ir.Function(module, SIGNATURE, name)
             builder: Any = ir.IRBuilder(function.append_basic_block())
-            write(_Writer(self, builder, function.args))
+            getattr(_Writer(self, builder, function.args), name)()
             builder.ret_void()
         return str(module)
 

@@ -80,14 +80,6 @@ class FlowCode:
         emitter = Emitter(builder, dict(zip(self.states, z)), constants=constants, width=width, used=used)
         return emitter.write(self.rates)
 
-    def linearisation(
-        self, builder: Any, z: Sequence[Any], constants: dict[sp.Basic, Any]
-    ) -> tuple[list[Any], dict[tuple[int, int], Any]]:
-        """The rates at `z` (n,) and the entries of `jacobian` there; they share what they can."""
-        emitter = Emitter(builder, dict(zip(self.states, z)), constants=constants)
-        rates = emitter.write(self.rates)
-        return rates, dict(zip(self.jacobian, emitter.write(tuple(self.jacobian.values()))))
-
 
 def is_worth_writing(flow: FlowCode) -> bool:
     """Whether code for this flow alone is better than loops for any."""

@@ -16,14 +16,6 @@ WHOLE = ir.IntType(64)
 SIGNATURE = ir.FunctionType(ir.VoidType(), [DOUBLE, POINTER, POINTER, POINTER])
 
 
-def begin(module: ir.Module, name: str) -> tuple[Any, list[Any]]:
-    """A builder at the start of a new function, and the function's arguments; its arrays do not overlap."""
-    function = ir.Function(module, SIGNATURE, name)
-    for array in function.args[1:]:
-        array.add_attribute("noalias")
-    return ir.IRBuilder(function.append_basic_block()), list(function.args)
-
-
 # Constants are written over and over again, and their text costs more than to keep them.
 @lru_cache(maxsize=65536)
 def constant(value: float) -> Any:
