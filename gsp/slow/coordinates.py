@@ -105,7 +105,11 @@ def chart(
     cache = {}
     entries = {place: read(e, ring, elements, cache) for place, e in g_y.items()}
     try:
-        inverse = inverted(entries, len(g0), ring) if is_written else factorised(entries, system.y, ring)
+        if is_written:
+            fast = range(len(g0))
+            inverse = invert([[entries.get((i, j), ring.zero) for j in fast] for i in fast], ring)
+        else:
+            inverse = factorised(entries, system.y, ring)
     except HyperbolicityError:
         raise HyperbolicityError(
             f"the fast Jacobian g_y is singular on the whole branch {branch}: det g_y = 0 for every "
@@ -158,11 +162,8 @@ def set_apart(chart: Chart, others: Iterable[sp.Symbol] = ()) -> dict[sp.Symbol,
 
 def largest_block(entries: Mapping[tuple[int, int], sp.Expr], n: int, counts: Callable[[sp.Expr], bool]) -> int:
     """How many fast variables depend on one another at most, in blocks of which an entry `counts`; 1 without any."""
-    pattern = [[False] * n for _ in range(n)]
-    for i, j in entries:
-        pattern[i][j] = True
     largest = 1
-    for block in triangular_blocks(pattern):
+    for block in triangular_blocks([[(i, j) in entries for j in range(n)] for i in range(n)]):
         members = set(block)
         if any(i in members and j in members and counts(e) for (i, j), e in entries.items()):
             largest = max(largest, len(block))
@@ -205,13 +206,6 @@ def _matched(n: int, entries: Collection[tuple[int, int]]) -> list[int]:
     if (found < 0).any():
         raise HyperbolicityError("the matrix is singular.")
     return found.tolist()
-
-
-def inverted(
-    entries: Mapping[tuple[int, int], RingElement], n: int, ring: LocalisedRing
-) -> list[list[RingElement]]:
-    """The inverse of a matrix (n, n) by its entries."""
-    return invert([[entries.get((i, j), ring.zero) for j in range(n)] for i in range(n)], ring)
 
 
 def dot(a: Sequence[RingElement], b: Sequence[RingElement], ring: LocalisedRing) -> RingElement:

@@ -74,15 +74,10 @@ class Expansion:
     def _beyond(self, order: int, reached: int | None, error: BudgetError) -> BudgetError:
         """What a spent budget of terms leaves, and what to do."""
         symbols = len(self.branch.system.parameters) if self.symbolic else 0
-        remedies = [
-            *([f"take order {reached} or less"] if reached is not None else []),
-            *(
-                [f"put the values of the {symbols} parameters in (`--values`, symbolic=False)"]
-                if symbols
-                else []
-            ),
-            "take fewer variables or lower powers",
-        ]
+        remedies = [] if reached is None else [f"take order {reached} or less"]
+        if symbols:
+            remedies.append(f"put the values of the {symbols} parameters in (`--values`, symbolic=False)")
+        remedies.append("take fewer variables or lower powers")
         how_far = "was not reached at any order" if reached is None else f"was reached through order {reached}"
         return BudgetError(
             f"the series through order {order} {how_far}: {error}",

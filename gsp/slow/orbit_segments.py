@@ -126,7 +126,7 @@ class SegmentSolver:
     def _tracks(self, x: np.ndarray, y: np.ndarray, goal: np.ndarray) -> list[Track]:
         """The slow flow from x to where each end of a segment lies: upstream, then downstream."""
         fast = len(self.system.y)
-        sides = [
+        return [
             follow_slow_flow(
                 self.branch, x, y, epsilon=self.epsilon, goal=goal, side=side, unstable=self.unstable
             )
@@ -134,7 +134,6 @@ class SegmentSolver:
             else Track.empty(x, y)
             for side, count in ((LEFT, fast - self.unstable), (1 - LEFT, self.unstable))
         ]
-        return sides
 
     def _attempt(
         self, x: np.ndarray, y: np.ndarray, goal: np.ndarray, *, is_cut_short: bool = False

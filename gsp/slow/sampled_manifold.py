@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,45 +44,35 @@ class SampledManifold(Card, Tabular):
     error_estimates: np.ndarray
     status: Status
     message: str
-    _surface: ChebyshevSurface | None = field(repr=False)
+    surface: ChebyshevSurface | None
+    """The interpolant, or None when there is none."""
 
     @property
     def error_estimate(self) -> float:
         """The largest of `error_estimates`."""
         return float(self.error_estimates.max())
 
-    @property
-    def surface(self) -> ChebyshevSurface | None:
-        """The interpolant, or None when there is none."""
-        return self._surface
-
     def evaluate(self, x) -> np.ndarray:
         """h_epsilon(x), shape (m, n_fast), or (n_fast,) for one point; `x` is as for `Branch.points`.
 
         Raises `GspError` for a point outside the region.
         """
-        array, single = self._inside(x)
-        surface = self._surface
-        y = surface(array) if surface else np.full((len(array), len(self.branch.system.y)), np.nan)
-        return y[0] if single else y
+        return self._told(x, lambda surface, at: surface(at))
 
     def slope(self, x) -> np.ndarray:
         """Dh_epsilon(x), shape (m, n_fast, n_slow), or (n_fast, n_slow) for one point."""
-        array, single = self._inside(x)
-        if self._surface is None:
-            slopes = np.full((len(array), len(self.branch.system.y), array.shape[1]), np.nan)
-        else:
-            slopes = self._surface.derivative(array)
-        return slopes[0] if single else slopes
+        return self._told(x, lambda surface, at: surface.derivative(at), len(self.branch.system.x))
 
     def residual(self, x) -> np.ndarray:
         """Defect of the invariance equation, epsilon Dh f(x, h, epsilon) - g(x, h, epsilon), as `evaluate`."""
+        return self._told(x, lambda surface, at: defect_of(self.branch, surface, self.epsilon, at)[0])
+
+    def _told(self, x, told: Callable[[ChebyshevSurface, np.ndarray], np.ndarray], *more: int) -> np.ndarray:
+        """What a surface tells at each point, (n_fast, `more`) numbers; NaN where there is none."""
         array, single = self._inside(x)
-        if self._surface is None:
-            defect = np.full((len(array), len(self.branch.system.y)), np.nan)
-        else:
-            defect = defect_of(self.branch, self._surface, self.epsilon, array)[0]
-        return defect[0] if single else defect
+        shape = (len(array), len(self.branch.system.y), *more)
+        found = np.full(shape, np.nan) if self.surface is None else told(self.surface, array)
+        return found[0] if single else found
 
     def covers(self, x: np.ndarray) -> np.ndarray:
         """Which coordinates (m, n_slow) of points `x` (m, n_slow) lie in the region, to rounding."""

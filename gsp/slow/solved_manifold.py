@@ -337,7 +337,7 @@ class _Work:
             error_estimates=estimates,
             status=status,
             message=message if status.ok else f"{status.name}: {message}",
-            _surface=surface and surface.in_units(self.x_units, self.y_units),
+            surface=surface and surface.in_units(self.x_units, self.y_units),
         )
 
     def _place(self, x: np.ndarray) -> str:

@@ -99,7 +99,7 @@ def test_a_wrong_interpolant_has_a_tube_that_holds_the_manifold_or_none(size: fl
     assert surface is not None
     coefficients = surface.coefficients.copy()
     coefficients[place] += size
-    wrong = replace(right, _surface=ChebyshevSurface(surface.box, coefficients))
+    wrong = replace(right, surface=ChebyshevSurface(surface.box, coefficients))
     tube = certify(wrong, region={"x": (0, 3)})
     assert not tube.is_isolating or tube.delta >= difference(wrong, of_forced)
     assert tube.is_isolating
@@ -157,7 +157,7 @@ def test_attraction_that_ends_inside_is_never_proved() -> None:
     surface = found.surface
     assert surface is not None
     assert certify(found, region={"x": (0, 0.5)}).verdict is ProofVerdict.PROVED
-    wider = replace(found, _surface=ChebyshevSurface(np.array([[0.0, 1.0]]), surface.coefficients))
+    wider = replace(found, surface=ChebyshevSurface(np.array([[0.0, 1.0]]), surface.coefficients))
     tube = certify(wider, region={"x": (0, 1)})
     assert tube.verdict is ProofVerdict.UNDECIDED
     assert not tube.is_isolating
@@ -183,7 +183,7 @@ def test_what_is_asked_wrongly_is_refused() -> None:
     with pytest.raises(DeclarationError, match="no state"):
         certify(manifold, region={})
     with pytest.raises(DeclarationError, match="has none"):
-        certify(replace(manifold, _surface=None), region={"x": (0, 3)})
+        certify(replace(manifold, surface=None), region={"x": (0, 3)})
     with pytest.raises(UnsupportedFunctionError, match="erf"):
         certify(
             solved({x: sp.Integer(1)}, {y: sp.erf(x) - y}, {"x": (0.0, 1.0)}, 0.1, tolerance=1e-8),
