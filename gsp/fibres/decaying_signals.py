@@ -7,6 +7,7 @@ have the operations of `gsp.algebra.ring`, so that a `SeriesProgram` runs over t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -196,17 +197,11 @@ def _signs(values: np.ndarray) -> np.ndarray:
     return signs
 
 
-def _error_function(u):
-    from math import erf
-
-    return np.vectorize(erf, otypes=[float])(u)
-
-
 FUNCTIONS: dict[str, Callable] = {
     **{name: getattr(np, name) for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
     **{"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan},
     **{"asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh},
-    **{"erf": _error_function, "sign": np.sign, "Abs": np.abs},
+    **{"erf": np.vectorize(math.erf, otypes=[float]), "sign": np.sign, "Abs": np.abs},
 }
 
 

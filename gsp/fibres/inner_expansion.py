@@ -12,7 +12,7 @@ Function Method for Singular Perturbation Problems, SIAM, 1995; N. Fenichel, Jou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
@@ -80,24 +80,21 @@ class InnerExpansion:
 
     def layer(self, tau, epsilon: float, *, order: int) -> dict[str, np.ndarray]:
         """The decaying parts summed through `order`, as far as they are known, by name, at fast times `tau` (m,)."""
-        times, small = np.atleast_1d(np.asarray(tau, dtype=float)), check_epsilon(epsilon)
-        return {
-            name: sum(
-                (small**k * term.decaying(times) for k, term in enumerate(terms[: order + 1])),
-                np.zeros(len(times)),
-            )
-            for name, terms in self.terms.items()
-        }
+        return self._summed(tau, epsilon, order, lambda term, times: term.decaying(times))
 
     def matched(self, tau, epsilon: float, *, order: int) -> dict[str, np.ndarray]:
         """The polynomials summed through `order`, by name: the part that the slow flow shares."""
+        return self._summed(
+            tau, epsilon, order, lambda term, times: np.polyval([float(c) for c in term.outer][::-1], times)
+        )
+
+    def _summed(
+        self, tau, epsilon: float, order: int, part: Callable[[Any, np.ndarray], np.ndarray]
+    ) -> dict[str, np.ndarray]:
         times, small = np.atleast_1d(np.asarray(tau, dtype=float)), check_epsilon(epsilon)
         return {
             name: sum(
-                (
-                    small**k * np.polyval([float(c) for c in reversed(tuple(terms[k].outer))], times)
-                    for k in range(order + 1)
-                ),
+                (small**k * part(term, times) for k, term in enumerate(terms[: order + 1])),
                 np.zeros(len(times)),
             )
             for name, terms in self.terms.items()
