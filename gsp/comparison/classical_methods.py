@@ -75,12 +75,12 @@ class _Code:
 
     @cached_property
     def rates(self) -> CompiledFunction:
-        return self._function([*self._system.f, *self._system.g])
+        return compile_over(self._system, [*self._system.f, *self._system.g])
 
     def along(self, k: int) -> CompiledFunction:
         """The k-th derivative of the Jacobian's entries along the flow."""
+        system = self._system
         if k not in self._compiled:
-            system = self._system
             while len(self._expressions) <= k:
                 last = self._expressions[-1]
                 self._expressions.append(
@@ -89,12 +89,8 @@ class _Code:
                         for e in last
                     ]
                 )
-            self._compiled[k] = self._function(self._expressions[k])
+            self._compiled[k] = compile_over(system, self._expressions[k])
         return self._compiled[k]
-
-    def _function(self, outputs: list[sp.Expr]) -> CompiledFunction:
-        system = self._system
-        return compile_over(system, outputs)
 
 
 @lru_cache(maxsize=8)

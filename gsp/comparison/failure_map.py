@@ -159,8 +159,12 @@ def failure_map(
     valid_orders = tuple(sorted(set(check_orders(orders))))
     check_progress(progress)
     allowed = scene.tolerance if tolerance is None else check_epsilon(tolerance, what="tolerance")
-    ladder = _epsilons(scene, epsilons)
-    checked_tolerances = _tolerances(tolerances)
+    ladder = np.geomspace(scene.epsilons[-1] / BEYOND, scene.epsilons[0] * BEYOND, 17)
+    if epsilons is not None:
+        ladder = _two_or_more(epsilons, "epsilon", "Try (0.1, 0.01, 0.001).")
+    checked_tolerances = np.geomspace(LOOSEST, TIGHTEST, 15)
+    if tolerances is not None:
+        checked_tolerances = _two_or_more(tolerances, "tolerance", "Try (1e-2, 1e-6).")[::-1]
     name = _axis(study, axis)
     along = _positions(study, name, positions)
     series = study.short_series(max(valid_orders) + 1, at_least=max(valid_orders))
@@ -243,23 +247,9 @@ def _positions(study: Study, axis: str, positions: Sequence[float] | None) -> np
     return values
 
 
-def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
-    if tolerances is None:
-        return np.geomspace(LOOSEST, TIGHTEST, 15)
-    values = np.unique(check_epsilons(tolerances, what="tolerance"))[::-1]
-    if values.size < 2:
-        raise DeclarationError(
-            "tolerances are two numbers or more.", "Try (1e-2, 1e-6).", got=shown(tolerances), value=tolerances
-        )
-    return values
-
-
-def _epsilons(scene: Scene, epsilons: Sequence[float] | None) -> np.ndarray:
-    if epsilons is None:
-        return np.geomspace(scene.epsilons[-1] / BEYOND, scene.epsilons[0] * BEYOND, 17)
-    values = np.unique(check_epsilons(epsilons))
-    if values.size < 2:
-        raise DeclarationError(
-            "epsilons are two numbers or more.", "Try (0.1, 0.01, 0.001).", got=shown(epsilons), value=epsilons
-        )
-    return values
+def _two_or_more(values: Sequence[float], what: str, remedy: str) -> np.ndarray:
+    """The different ones, ascending."""
+    found = np.unique(check_epsilons(values, what=what))
+    if found.size < 2:
+        raise DeclarationError(f"{what}s are two numbers or more.", remedy, got=shown(values), value=values)
+    return found

@@ -181,10 +181,8 @@ class Survey:
 
     def _runs(self, i: int, j: int, y: np.ndarray, epsilon: float) -> None:
         start = dict(zip(self.slow, map(float, self.x[j])))
-        full, explicit = (
-            self._run(self.system, {**start, **_values_by_name(self.system.y, y)}, epsilon, method=method)
-            for method in RIVALS
-        )
+        whole = start | {s.name: float(v) for s, v in zip(self.system.y, y)}
+        full, explicit = (self._run(self.system, whole, epsilon, method=method) for method in RIVALS)
         if full is None or not full.status.ok:
             return
         end = full.y[:, -1]
@@ -346,7 +344,3 @@ def demands_of(
         missing = reasons[n] if np.isnan(errors[n]).all() else ""
         yield Claim(reduced_name(n), text, errors[n], np.broadcast_to(tolerances, cells), missing)
     yield Claim(EXPLICIT, "field calls of DOP853 to those of Radau IIA, order 9", ratios, WASTE)
-
-
-def _values_by_name(symbols, values) -> dict[str, float]:
-    return {s.name: float(v) for s, v in zip(symbols, values)}

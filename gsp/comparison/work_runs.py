@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -70,10 +70,7 @@ class WorkCurve:
 
         Between two neighbouring tolerances log seconds is linear in log error.
         """
-        best = float("inf")
-        for a in self.points:
-            if a.error <= error:
-                best = min(best, a.seconds)
+        best = min((point.seconds for point in self.points if point.error <= error), default=float("inf"))
         for a, b in zip(self.points, self.points[1:]):
             if b.error < error < a.error:
                 share = np.log(error / a.error) / np.log(b.error / a.error)
@@ -261,8 +258,7 @@ def measure(
                     task.run(rtol)
                 best[task.label] = min(best[task.label], (time.perf_counter() - begun) / count)
         for label, seconds in best.items():
-            old = points[label][rtol]
-            points[label][rtol] = WorkPoint(rtol, old.error, old.end_error, seconds, old.steps, old.field_calls)
+            points[label][rtol] = replace(points[label][rtol], seconds=seconds)
         if progress is not None:
             progress((i + 1) / len(ladder))
     for task in tasks:
