@@ -7,6 +7,7 @@ in them over few denominators; `gsp.algebra.ring` does the arithmetic. Nothing i
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -238,6 +239,11 @@ def _shorter(total: sp.Expr, sine: sp.Expr, cosine: sp.Expr) -> sp.Expr:
         rules = {p: (1 - kept**2) ** (k // 2) * replaced ** (k % 2) for p, k in powers.items()}
         forms.append(sp.expand(total.xreplace(rules)))
     return min(forms, key=lambda form: len(sp.Add.make_args(form)))
+
+
+def common_denominator(expressions: Iterable[sp.Expr]) -> sp.Expr:
+    """The least common multiple of their denominators."""
+    return reduce(sp.lcm, (sp.denom(sp.together(e)) for e in expressions), sp.S.One)
 
 
 def numbers(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 
@@ -25,7 +25,7 @@ from gsp.systems.system import VectorField
 Constraints = Sequence[sp.Expr] | Mapping[sp.Symbol, sp.Expr]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class ConstrainedSystem:
     """A mechanical system that obeys A(q) qdot + c(q) = 0 by d'Alembert's principle.
 
@@ -36,7 +36,7 @@ class ConstrainedSystem:
     system: LagrangianSystem
     constraints: tuple[sp.Expr, ...]
     frame: MovingFrame
-    hamel: HamelEquations
+    hamel: HamelEquations = field(compare=False)
 
     @property
     def matrix(self) -> sp.ImmutableMatrix:
@@ -192,14 +192,6 @@ class ConstrainedSystem:
         points = np.stack([trajectory[s] for s in symbols], axis=1)
         shown = self.frame.expressions(self.system.velocities)
         return numbers([shown[w] for w in self.frame.across], symbols, points, self.system.values).T
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ConstrainedSystem) and (
-            (self.system, self.constraints, self.frame) == (other.system, other.constraints, other.frame)
-        )
-
-    def __hash__(self) -> int:
-        return hash((self.system, self.constraints, self.frame))
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{c} = 0" for c in self.constraints)

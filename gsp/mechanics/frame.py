@@ -9,7 +9,15 @@ from dataclasses import dataclass
 import sympy as sp
 
 from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers, transpose
+from gsp.mechanics.algebra import (
+    Algebra,
+    Matrix,
+    common_denominator,
+    entries,
+    generic_points,
+    numbers,
+    transpose,
+)
 from gsp.mechanics.lagrangian import LagrangianSystem, is_singular
 from gsp.mechanics.velocity_forms import VelocityForms, linear_form, rank
 
@@ -64,7 +72,7 @@ def moving_frame(
         along, rows = _quasi_velocities(system, constraints, frame, across)
     used = fixed | {s.name for s in along} | {s.name for s in across if s is not None}
     used |= {v.name for v in system.velocities}
-    fresh = _fresh(sum(s is None for s in across), ("w", "s", "slip"), used)
+    fresh = fresh_symbols(sum(s is None for s in across), ("w", "s", "slip"), used)
     slips = tuple(next(fresh) if s is None else s for s in across)
     for symbol in (*along, *slips):
         if symbol.name in fixed or [s.name for s in (*along, *slips)].count(symbol.name) > 1:
@@ -144,7 +152,7 @@ def _built(system, constraints: VelocityForms, taken: set[str]) -> tuple[tuple[s
                 form[j] = algebra.write(element)
             forms.append((support[place], None, form))
     forms.sort(key=lambda item: item[0])
-    fresh = _fresh(sum(name is None for _, name, _ in forms), ("u", "nu", "along"), taken, always=True)
+    fresh = fresh_symbols(sum(name is None for _, name, _ in forms), ("u", "nu", "along"), taken, always=True)
     names = tuple(next(fresh) if name is None else name for _, name, _ in forms)
     return names, [form for _, _, form in forms]
 
@@ -191,16 +199,16 @@ def _null_space(system, algebra: Algebra, block: Matrix) -> Matrix:
         vector[free] = sp.Integer(1)
         for j, top in zip(pivots, tops):
             vector[j] = algebra.write(-top)
-        denominator = sp.Integer(1)
-        for e in vector:
-            denominator = sp.lcm(denominator, sp.denom(sp.together(e)))
+        denominator = common_denominator(vector)
         cleared = [algebra.read(sp.cancel(e * denominator)) for e in vector]
         leading = next(algebra.write(e) for e in cleared if not e.is_zero)
         vectors.append([-e for e in cleared] if leading.could_extract_minus_sign() else cleared)
     return vectors
 
 
-def _fresh(count: int, stems: Sequence[str], taken: set[str], *, always: bool = False) -> Iterator[sp.Symbol]:
+def fresh_symbols(
+    count: int, stems: Sequence[str], taken: set[str], *, always: bool = False
+) -> Iterator[sp.Symbol]:
     """Symbols of the first stem that is free: the stem itself for a single one, else numbered from 1."""
     for stem in itertools.chain(stems, (f"{stems[-1]}{i}_" for i in itertools.count())):
         names = [f"{stem}{i + 1}" for i in range(count)] if always or count > 1 else [stem]

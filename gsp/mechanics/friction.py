@@ -36,7 +36,7 @@ Strength = sp.Expr | float | Sequence[Any]
 """mu or N: a number or an expression for all contacts, or a list with one for each."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class FrictionSystem(SlippingSystem):
     """A mechanical system with Rayleigh friction |w|^2_B/(2 epsilon) against the slip w = A(q) qdot + c(q).
 
@@ -141,14 +141,6 @@ class FrictionSystem(SlippingSystem):
 
     def _check_over(self, scene: Scene) -> None:
         check_damping_over(self.system, self.damping, scene.region, scene.full_start)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, FrictionSystem) and (
-            (self.limit, self.epsilon, self.damping) == (other.limit, other.epsilon, other.damping)
-        )
-
-    def __hash__(self) -> int:
-        return hash((self.limit, self.epsilon, self.damping))
 
     def __repr__(self) -> str:
         listed = ", ".join(

@@ -7,15 +7,14 @@ C_i = 0 it is u_i itself.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
-from gsp.mechanics.algebra import Algebra, Matrix
+from gsp.mechanics.algebra import Algebra, Matrix, common_denominator
+from gsp.mechanics.frame import fresh_symbols
 from gsp.mechanics.hamel import HamelEquations
 from gsp.splitting.splitting import Splitting
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -44,7 +43,7 @@ def slow_momenta(equations: HamelEquations) -> SlowMomenta:
         kept.append(all(e.is_zero for e in row))
         constant.append(all(algebra.is_constant(e) for e in row))
         if constant[-1]:
-            scale = _common_denominator(algebra, row)
+            scale = algebra.read(common_denominator(map(algebra.write, row)))
             along.append([scale if j == i else ring.zero for j in range(a)])
             across.append([(scale * e).reduced() for e in row])
             rates.append((scale * equations.free[i]).reduced())
@@ -55,13 +54,6 @@ def slow_momenta(equations: HamelEquations) -> SlowMomenta:
         turned = algebra.apply([algebra.derive(metric, 0)], eta)[0]
         rates.append((turned + equations.force[i]).reduced())
     return SlowMomenta(along, across, rates, tuple(kept), tuple(constant))
-
-
-def _common_denominator(algebra: Algebra, row: list[RingElement]) -> RingElement:
-    scale: Any = sp.Integer(1)
-    for e in row:
-        scale = sp.lcm(scale, sp.denom(sp.together(algebra.write(e))))
-    return algebra.read(scale)
 
 
 def geometric_splitting(
@@ -153,13 +145,8 @@ def _written(algebra: Algebra, matrix: Matrix) -> sp.ImmutableMatrix:
 
 def _names(along: tuple[sp.Symbol, ...], kept: tuple[bool, ...], taken: set[str]) -> list[sp.Symbol]:
     """u_i where it is slow itself, and p, or p1, p2, ..., for the others, as `split` has it."""
-    count = kept.count(False)
-    for stem in itertools.chain("pqruxyz", (f"slow{i}_" for i in itertools.count())):
-        names = [stem] if count == 1 else [f"{stem}{i + 1}" for i in range(count)]
-        if not taken & set(names):
-            fresh = iter(sp.Symbol(name) for name in names)
-            return [s if own else next(fresh) for s, own in zip(along, kept)]
-    raise AssertionError("the stems never end")
+    fresh = fresh_symbols(kept.count(False), (*"pqruxyz", "slow"), taken)
+    return [s if own else next(fresh) for s, own in zip(along, kept)]
 
 
 def _route(names: list[sp.Symbol], momenta: SlowMomenta, across: tuple[sp.Symbol, ...]) -> str:
