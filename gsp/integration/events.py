@@ -17,7 +17,7 @@ from gsp.integration.crossings import ROUNDING, settle_event
 from gsp.integration.watched import Settled, Watched
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
-from gsp.systems.arguments import check_one_of, check_text, check_whole, shown
+from gsp.systems.arguments import check_each, check_one_of, check_text, check_whole, shown
 from gsp.systems.flow import Flow, frozen
 
 
@@ -156,22 +156,14 @@ def compile_events(flow: Flow, events: Event | Iterable[Event], p: np.ndarray) -
 
 
 def _listed(events: Iterable[Event]) -> tuple[Event, ...]:
-    remedy = 'Write events=(Event("x", direction=1),).'
-    if isinstance(events, (str, bytes, sp.Basic)) or not isinstance(events, Iterable):
-        raise DeclarationError("events is a sequence of Event.", remedy, got=shown(events), value=events)
-    try:
-        given = tuple(events)
-    except TypeError:
-        # An array without axes.
-        raise DeclarationError(
-            "events is a sequence of Event.", remedy, got=shown(events), value=events
-        ) from None
-    for event in given:
-        if not isinstance(event, Event):
-            raise DeclarationError(
-                "events is a sequence of Event.", remedy, got=f"{shown(event)} in it", value=event
-            )
-    return given
+    be, remedy = "a sequence of Event", 'Write events=(Event("x", direction=1),).'
+
+    def checked(event: object) -> Event:
+        if isinstance(event, Event):
+            return event
+        raise DeclarationError(f"events is {be}.", remedy, got=f"{shown(event)} in it", value=event)
+
+    return check_each(events, checked, what="events", be=be, remedy=remedy)
 
 
 def _expression(event: Event, flow: Flow, clock: sp.Symbol) -> sp.Expr:
