@@ -98,10 +98,11 @@ class IntervalProgram:
         return [found[place] for place in self.outputs]
 
     def _value(self, i: int, name: str, one: Any, two: Any, found: list[Interval]) -> Interval:
+        operation = _ARITHMETIC.get(name)
+        if operation is not None:
+            return operation(found[one], found[two])
         if i in self.constants:
             return self.constants[i]
-        if name in _ARITHMETIC:
-            return _ARITHMETIC[name](found[one], found[two])
         return ia.raised(found[one], two) if name == "**" else _FUNCTIONS[name][0](found[one])
 
     def derivatives(self, arguments: list[Interval], first: int = 0) -> list[list[Interval]]:
