@@ -225,7 +225,11 @@ def natural_scales(
     if scales.any() and np.isfinite(weights).all():
         given = scales.copy()
         for j in (j for j, name in enumerate(names) if name not in bounds):
-            total = weights @ np.where(np.arange(len(u)) == j, 0.0, given)
+            others = np.where(np.arange(len(u)) == j, 0.0, given)
+            total = weights @ others
+            if not total.any():
+                # At a fold, to the last bit, g does not move with the fast variables but for how it bends.
+                total = 0.5 * np.abs(problem.second(u)) @ others @ others
             matters = _least(total, weights[:, j])
             if given[j] <= NOTHING * matters:
                 bent = np.sqrt(_least(2.0 * total, np.abs(problem.second(u)[:, j, j])))

@@ -173,6 +173,17 @@ def test_a_passage_is_the_same_in_any_units_of_the_states(powers: tuple[int, ...
         assert found.drop.point[s.name] / float(unit) == pytest.approx(one.drop.point[s.name], rel=1e-9)
 
 
+@pytest.mark.parametrize("unit", [10**6, 10**20])
+def test_a_point_that_is_the_fold_to_the_last_bit_is_one_in_any_unit(unit: int) -> None:
+    scaled = system({y: -x * unit}, {x: y / unit - x**3 / 3 + x})
+    found = fold_passage(scaled, {"x": 1, "y": -2 / 3 * unit})
+    assert found.leading[0] / unit == pytest.approx(-omega0(), rel=1e-12)
+    both = fold_passage(
+        system({y: -x}, {x: unit * (y / unit - (x / unit) ** 3 / 3 + x / unit)}), {x: unit, y: -2 / 3 * unit}
+    )
+    assert both.leading[0] / unit == pytest.approx(-omega0(), rel=1e-12)
+
+
 def test_a_slow_rate_that_switches_elsewhere_changes_nothing_at_the_fold() -> None:
     # As a gate does, the rate jumps where x = -9/10, far from the fold.
     gated = fold_passage(
