@@ -155,6 +155,30 @@ def test_a_scaled_fold_scales_its_delay() -> None:
     assert passage.delay(1e-6) == pytest.approx(omega0() * 30 ** (-1 / 3) * 1e-4)
 
 
+@pytest.mark.parametrize(
+    ("fast", "slow"),
+    thinned(
+        [
+            (R(1, 10**6), 1),
+            (1, 10**6),
+            (R(1, 10**6), 10**6),
+            (10**6, R(1, 10**6)),
+            (R(1, 10**18), R(1, 10**18)),
+        ],
+        2,
+    ),
+)
+def test_a_measured_exit_is_the_same_in_any_units_of_the_states(fast, slow) -> None:
+    scaled = system({y: slow}, {x: fast * ((x / fast) ** 2 + y / slow)})
+    passage = fold_passage(scaled, {"x": 0, "y": 0})
+    for epsilon in (1e-2, 1e-8):
+        found = fold_exit(passage, epsilon=epsilon, section={"x": float(fast)})
+        plain = fold_exit(fold_passage(NORMAL, {"x": 0, "y": 0}), epsilon=epsilon, section={"x": 1})
+        assert found.point["y"] / float(slow) == pytest.approx(plain.point["y"], rel=1e-12)
+        assert found.resolution < 1e-20
+    assert fit_omega0(passage, section={"x": float(fast)}).omega0 == pytest.approx(omega0(), abs=1e-3)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("powers", [(0, 6, -6), (0, -6, 6), (6, -6, -6), (-6, 6, 6)])
 def test_a_passage_is_the_same_in_any_units_of_the_states(powers: tuple[int, ...]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.algebra.laurent import laurent
+from gsp.critical.common_units import common_units
 from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
 from gsp.integration.loop import check_tolerances
@@ -117,7 +118,11 @@ def fold_exit(
     column = [s.name for s in system.states].index(name)
     delay = passage.delay(small)
     span = (3.0 * delay + time) if time is not None else 4.0 * _distance(passage, first) + 3.0 * delay
-    atol = rtol * 1e-3
+    beyond = {**passage.point, name: value}
+    places = np.array(
+        [first, [passage.point[s.name] for s in system.states], [beyond[s.name] for s in system.states]]
+    )
+    atol = rtol * 1e-3 * min(1.0, float(common_units(system, places).min()))
     run, crossing = None, None
     # How often the span is lengthened until the section is met.
     for _ in range(6):
@@ -207,49 +212,55 @@ def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, f
     """A point (x, y) of the attracting sheet on the reduced orbit into the fold, its slow time to it, the attraction.
 
     The orbit is followed against time as a curve: its tangent (f mu, eta) spans the kernel of (g_x f | g_y), which is
-    regular at the fold. The attraction is int |Re lambda| dt, at least FORGOTTEN epsilon where the sheet is long
-    enough.
+    regular at the fold. Its length is that of (mu, l . eta) in units of the way expected, so that the states' units do
+    not enter. The attraction is int |Re lambda| dt, at least FORGOTTEN epsilon where the sheet is long enough.
     """
     system, problem = passage.system, _problem(passage)
     m = len(system.x)
     rates = compile_over(system, [laurent(rate, system.epsilon, order=0).get(0, 0) for rate in system.f])
     p = compile_flow(system).constants
+    a, b, left = passage.a, passage.b, passage.left
+    # From (1): C = (4/3) a^2 |v|^3/|b|, and v is at this distance for the time a v^2/|b|.
+    distance = (0.75 * FORGOTTEN * epsilon * abs(b) / a**2) ** (1.0 / 3.0)
+    lasts = abs(a) * distance**2 / abs(b)
+    reach = distance * np.abs(passage.right)
+    columns = np.append(lasts, np.where(reach > 0.0, reach, reach.max()))
 
     def tangent(z: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """(mu, eta) of unit length in eta and mu |f|, turned like `before`."""
-        f, jacobian = rates(z, p), problem.jacobian(z)
-        size = np.linalg.norm(f) or 1.0
-        matrix = np.column_stack([jacobian[:, :m] @ f / size, jacobian[:, m:]])
-        kernel = np.linalg.svd(matrix)[2][-1]
-        kernel = kernel * (np.sign(kernel @ before) or 1.0)
-        return np.concatenate([[kernel[0] / size], kernel[1:]])
+        """(mu, eta) of unit length, turned like `before`."""
+        jacobian = problem.jacobian(z)
+        along = np.append(before[0] / lasts**2, (left @ before[1:]) / distance**2 * left)
+        equations = np.column_stack([jacobian[:, :m] @ rates(z, p), jacobian[:, m:]])
+        matrix = np.vstack([equations, along]) * columns
+        sizes = np.abs(matrix).max(axis=1)
+        found = columns * np.linalg.solve(matrix / sizes[:, None], np.append(np.zeros(len(left)), 1.0))
+        return found / np.hypot(found[0] / lasts, left @ found[1:] / distance)
 
     def velocity(z: np.ndarray, before: np.ndarray) -> np.ndarray:
         k = tangent(z, before)
         return np.concatenate([rates(z, p) * k[0], k[1:]])
 
-    a, b = passage.a, passage.b
-    # From (1): C = (4/3) a^2 |v|^3/|b|.
-    distance = (0.75 * FORGOTTEN * epsilon * abs(b) / a**2) ** (1.0 / 3.0)
     z = np.concatenate([passage.x0, passage.y0])
     before = np.concatenate([[0.0], -np.sign(a) * passage.right])
-    # Steps along the reduced orbit upstream, as a share of the distance expected: of fourth order, 1e-10.
-    h, time, contraction, rate = 0.01 * distance, 0.0, 0.0, 0.0
+    # Steps along the reduced orbit upstream, as a share of the way expected: of fourth order, 1e-10.
+    h, time, contraction, rate = 0.01, 0.0, 0.0, 0.0
     path = []
     for _ in range(10000):
-        k1 = velocity(z, before)
-        k2 = velocity(z + 0.5 * h * k1, before)
-        k3 = velocity(z + 0.5 * h * k2, before)
-        k4 = velocity(z + h * k3, before)
-        ahead = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        try:
+            k1 = velocity(z, before)
+            k2 = velocity(z + 0.5 * h * k1, before)
+            k3 = velocity(z + 0.5 * h * k2, before)
+            k4 = velocity(z + h * k3, before)
+            ahead = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            mu = tangent(z + 0.5 * h * k2, before)[0]
+            before = tangent(ahead, before)
+        except np.linalg.LinAlgError:
+            break
         if not np.isfinite(ahead).all():
             break
-        mu = tangent(z + 0.5 * h * k2, before)[0]
         new_rate = float(problem.eigenvalues(ahead[None, :])[0].real.max())
         if new_rate >= 0.0 or mu >= 0.0:
             break
-        before = tangent(ahead, before)
-        before = np.concatenate([[before[0] * np.linalg.norm(rates(ahead, p))], before[1:]])
         contraction += 0.5 * (abs(rate) + abs(new_rate)) * abs(mu) * h
         time += abs(mu) * h
         z, rate = ahead, new_rate
@@ -329,6 +340,6 @@ def _located(
             z = short.y[:, -1]
         change = (z[column] - value) / compiled.rates(z, p)[column]
         t = max(t - change, first)
-        if abs(change) <= 1e-16 * (1.0 + abs(t)):
+        if abs(change) <= 0.5 * np.finfo(float).eps * abs(t):
             break
     return t, z
