@@ -198,6 +198,25 @@ def test_the_slow_manifolds_of_van_der_pol_meet_where_the_series_says(epsilon: f
     assert abs(match.value - value) < 10 * match.resolution + 10.0**-digits
 
 
+@pytest.mark.parametrize("powers", [(6, 0, 0, 0), (0, 6, -12, 0), (-9, 3, 6, -6)])
+def test_a_match_is_the_same_in_any_units(powers: tuple[int, int, int, int]) -> None:
+    X, Y, A, E = (sp.Integer(10) ** k for k in powers)
+    scaled = gsp.SlowFastSystem(
+        slow={y: sp.expand(Y * (a / A - x / X))},
+        fast={x: sp.expand(X / E * (y / Y - (x / X) ** 3 / 3 + x / X))},
+        epsilon=eps,
+        parameters={a: A * R(9, 10)},
+    )
+    match = match_canard(
+        canard_value(scaled, parameter=a, order=2),
+        R(1, 20) / E,
+        reach=(1.2 * float(X), 1.9 * float(X)),
+        digits=12,
+    )
+    assert float(match.value / A) == pytest.approx(0.993490932517, abs=3e-11)
+    assert match.resolution == pytest.approx(2.674e-12, rel=1e-3)
+
+
 @pytest.mark.exhaustive
 def test_the_slow_manifolds_of_fitzhugh_nagumo_meet_where_the_series_says() -> None:
     canard = canard_value(fitzhugh_nagumo(), parameter=current)

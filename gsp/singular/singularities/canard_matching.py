@@ -76,10 +76,13 @@ def match_canard(
     check_whole(digits, what="digits", least=5, most=300)
     small = exact(epsilon)
     with precision(int(digits * 3.33) + 40):
-        shooting = _Shooting(canard, small, digits)
+        shooting = _Shooting(canard, small, digits, size=min(map(float, reach)))
         ends = shooting.starts(reach)
         guess = arb(sp.Rational(str(sp.N(canard.partial_sum(small, order=min(2, canard.order)), digits))))
-        spread = arb(small) ** 2 / 16
+        decays = shooting.contractions(reach)
+        unit = shooting.units[canard.field.a]
+        spread = (arb(small) / min(decays, key=_middle)) ** 2 * unit / 16
+        closest = max(abs(guess), unit, key=_middle) * arb(sp.Rational(1, 10**digits))
         a, b = guess, guess + spread
         at_a, at_b = shooting.gap(a, ends), shooting.gap(b, ends)
         for _ in range(SECANT_LIMIT):
@@ -87,7 +90,7 @@ def match_canard(
                 break
             a, b, at_a = b, (b - at_b * (b - a) / (at_b - at_a)).mid(), at_b
             at_b = shooting.gap(b, ends)
-            if abs(b - a) < arb(sp.Rational(1, 10**digits)):
+            if abs(b - a) < closest:
                 break
         else:
             raise CanardError(
@@ -98,14 +101,17 @@ def match_canard(
                 value=reach,
             )
         value = sp.Float(b.mid().str(digits + 5, radius=False), digits)
-        resolution = max(float((-c / arb(small)).exp().mid()) for c in shooting.contractions(reach))
+        resolution = max(float((-c / arb(small)).exp().mid()) for c in decays)
         return CanardMatch(value, small, abs(float(at_b.mid())), resolution, shooting.steps)
 
 
 class _Shooting:
-    """Orbits of one planar field at one epsilon, with the parameter as an argument."""
+    """Orbits of one planar field at one epsilon, with the parameter as an argument.
 
-    def __init__(self, canard: CanardValue, epsilon: sp.Rational, digits: int) -> None:
+    `units` are those in which the fold and the parameter have coefficients of 1 where y is of a `size`.
+    """
+
+    def __init__(self, canard: CanardValue, epsilon: sp.Rational, digits: int, *, size: float) -> None:
         field = canard.field
         self.field = field
         self.digits = digits
@@ -122,7 +128,12 @@ class _Shooting:
             y: program.compile((field.g / field.epsilon).xreplace(put_in)),
         }
         self.program = program
-        self.critical = _Critical(field, self.ring)
+        g_x, g_yy, f_y, d = (
+            arb(sp.Rational(str(sp.N(canard.genericity[k], 15)))) for k in ("g_x", "g_yy", "f_y", "d")
+        )
+        length = flint.arb(size)
+        self.units = {x: abs(g_yy / g_x) * length**2, y: length, a: abs(f_y / d) * length}
+        self.critical = _Critical(field, self.ring, self.units[x])
         self.fold = {s: arb(sp.Rational(str(sp.N(canard.point[s.name], digits + 10)))) for s in (x, y, a)}
         self.attracting = -1 if sp.N(canard.genericity["g_yy"]) > 0 else 1
 
@@ -157,7 +168,9 @@ class _Shooting:
             # Where the last two terms fall to the tolerance; they are of about equal size there.
             sizes = [
                 (
-                    float(max((abs(series[s][self.order - k]) for s in (x, y)), key=_middle).mid()),
+                    float(
+                        max((abs(series[s][self.order - k]) / self.units[s] for s in (x, y)), key=_middle).mid()
+                    ),
                     self.order - k,
                 )
                 for k in (0, 1)
@@ -173,7 +186,7 @@ class _Shooting:
                     t = (t - (midpoint_sum(series[y], t) - target) / rate).mid()
                 return midpoint_sum(series[x], t)
             state = ahead
-            if not abs(state[y]) < 1e6:
+            if not abs(state[y] - target) < 1e6 * self.units[y]:
                 break
         raise CanardError(
             f"an orbit from {x} = {float(start[x].mid()):.6g}, {y} = {float(start[y].mid()):.6g} does not "
@@ -196,10 +209,10 @@ class _Shooting:
 
 
 class _Critical:
-    """M0 as a graph over y, by Newton's method in x along a ladder of y."""
+    """M0 as a graph over y, by Newton's method in x, in the unit `size`, along a ladder of y."""
 
-    def __init__(self, field: PlanarField, ring: TaylorRing) -> None:
-        self.field, self.ring, self.rungs = field, ring, 64
+    def __init__(self, field: PlanarField, ring: TaylorRing, size: Any) -> None:
+        self.field, self.ring, self.rungs, self.size = field, ring, 64, size
         x, y, a = field.symbols
         self.inputs: dict[sp.Symbol, list[Taylor]] = {x: [ring.zero], y: [ring.zero], a: [ring.zero]}
         program = program_of(ring, field.epsilon, self.inputs)
@@ -226,7 +239,7 @@ class _Critical:
                 g, g_x, _, _ = self.values(here)
                 step = (g / g_x).mid()
                 here[x] = (here[x] - step).mid()
-                if not abs(step) > 1e-12:
+                if not abs(step) > 1e-12 * self.size:
                     break
             points.append(dict(here))
         return points
