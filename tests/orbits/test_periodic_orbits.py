@@ -464,3 +464,31 @@ def test_an_equilibrium_below_the_tolerance_is_zero() -> None:
 def test_a_period_is_shown_to_the_digits_that_its_error_leaves(error: float, shown: str) -> None:
     orbit = SimpleNamespace(period=2 * np.pi, period_error=error)
     assert PeriodicOrbit._period_shown.fget(orbit) == shown  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize("unit", [sp.Rational(1, 10**18), sp.Rational(1, 10**13)])
+def test_a_cycle_is_found_in_units_in_which_it_is_smaller_than_tolerances(unit) -> None:
+    # Van der Pol's in amounts of moles: the run was said to settle at an equilibrium.
+    scaled = gsp.SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / (3 * unit**2) + x}, epsilon=eps)
+    orbit = gsp.periodic_orbit(scaled, start={"x": 2 * float(unit), "y": 0}, epsilon=0.01)
+    assert orbit.period == pytest.approx(1.9078369566939, abs=1e-11)
+    assert gsp.periodic_orbit(
+        scaled, start={"x": 2 * float(unit), "y": 0}, epsilon=0.01, period=1.9
+    ).period == (pytest.approx(1.9078369566939, abs=1e-11))
+
+
+def test_a_run_that_crosses_an_invariant_axis_says_so_and_its_remedy_finds_the_cycle() -> None:
+    # Along x = 0 orbits come as near as 1e-21; u = ln x. The run left for infinity, or settled at x < 0.
+    prey = 1 - x - y / (sp.Rational(1, 4) + x)
+    predator = y * (x / (sp.Rational(1, 4) + x) - sp.Rational(1, 3))
+    plain = gsp.SlowFastSystem(slow={y: predator}, fast={x: x * prey}, epsilon=eps)
+    with pytest.raises(OrbitError, match=r"crosses x = 0, .*Take ln x for a state"):
+        gsp.periodic_orbit(plain, start={"x": 0.8, "y": 0.2}, epsilon=0.01)
+    u = sp.Symbol("u")
+    put_in = {x: sp.exp(u)}
+    logarithmic = gsp.SlowFastSystem(
+        slow={y: predator.xreplace(put_in)}, fast={u: prey.xreplace(put_in)}, epsilon=eps
+    )
+    orbit = gsp.periodic_orbit(logarithmic, start={"u": float(np.log(0.8)), "y": 0.2}, epsilon=0.01)
+    # Radau of SciPy in ln x and ln y at a relative tolerance of 1e-11.
+    assert orbit.period == pytest.approx(6.290000125062, abs=1e-10)

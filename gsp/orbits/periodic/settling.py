@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import sympy as sp
 
 from gsp.collocation.gauss import gauss
 from gsp.errors import GspError, Status
@@ -83,27 +84,74 @@ def settled_lap(
 
     Raises `OrbitError` when the run does something else.
     """
+
+    def found(atol: float) -> tuple[Lap | OrbitError, Trajectory]:
+        return _settled(
+            flow, start, epsilon, atol, closes=closes, backward=backward, max_steps=max_steps, progress=progress
+        )
+
+    lap, run = found(ATOL)
+    atol = _finer(run, ATOL)
+    while atol is not None:
+        again, run = found(atol)
+        if isinstance(again, OrbitError) and not isinstance(lap, OrbitError):
+            # A state that is 0 but for rounding has no digits to be relative to.
+            break
+        lap, atol = again, _finer(run, atol)
+    if isinstance(lap, OrbitError):
+        raise lap
+    return lap
+
+
+def _finer(run: Trajectory, atol: float) -> float | None:
+    """An absolute tolerance that counts for no state of the run; None where `atol` does not."""
+    sizes = np.abs(run.y).max(axis=1)
+    least = float(sizes[sizes > 0.0].min(initial=np.inf))
+    finer = max(0.01 * RTOL * least, np.finfo(float).tiny)
+    return finer if atol > RTOL * least and finer < atol else None
+
+
+def _settled(
+    flow: Flow,
+    start: Point,
+    epsilon: float | None,
+    atol: float,
+    *,
+    closes: float,
+    backward: bool,
+    max_steps: int,
+    progress: Callable[[float], object] | None,
+) -> tuple[Lap | OrbitError, Trajectory]:
+    """The lap, or why there is none, and the last run."""
     # Each run begins at the start again: a reduced flow takes no other point than its own kind of start.
     # Steps between two looks at the run; a relaxation oscillation takes about 200 a lap.
     steps = min(1500, max_steps)
     while True:
         run = trajectory_of(
             flow, start=start, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
-            atol=ATOL, options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps),
+            atol=atol, options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps),
         )  # fmt: skip
-        # Below ATOL a state is 0 as far as the run knows.
-        ends = [0.0 if abs(v) <= ATOL else float(v) for v in run.at(run.t[-1])]
+        # Below its tolerance a state is 0 as far as the run knows.
+        ends = [0.0 if abs(v) <= atol else float(v) for v in run.at(run.t[-1])]
         last = {symbol.name: v for symbol, v in zip(flow.states, ends)}
+        crossed = _crossed(run, flow)
+        if crossed is not None:
+            return OrbitError(
+                f"the run from start crosses {crossed} = 0, which no orbit does here: {crossed} falls below what "
+                f"the run holds, {atol:.0e}.",
+                f"Take ln {crossed} for a state in its place.",
+                got=f"start {_shown(start)}",
+            ), run
         lap = _closed_lap(run, closes)
         if lap is not None:
-            return lap
-        if _at_rest(run):
-            raise OrbitError(
+            return lap, run
+        if _at_rest(run, atol):
+            return OrbitError(
                 f"there is no cycle here: the run from start settles at the equilibrium {_shown(last)}.",
                 "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this "
                 "equilibrium.",
                 got=f"start {_shown(start)}",
-            )
+            ), run
         if run.status is not Status.TOO_MANY_STEPS:
             how = (
                 "there is no cycle here: the run from start leaves for infinity"
@@ -114,30 +162,40 @@ def settled_lap(
                 how += ". It blows up there, or jumps within the rounding of time, as relaxation oscillations do at an "
                 how += "epsilon of about 1e-14 and below; then raise epsilon"
             other = "integrate forward" if backward else "backward=True for a repelling cycle"
-            raise OrbitError(
+            return OrbitError(
                 f"{how}.", f"Start elsewhere, or {other}.", got=f"{_shown(last)} after {run.stats.steps} steps"
-            )
+            ), run
         if progress is not None:
             progress(steps / max_steps)
         if steps >= max_steps:
             # Chaos settles nowhere, but comes back now and then: whether in its very last lap is chance.
             lap = _closed_lap(run, closes, last=False)
             if lap is not None:
-                return lap
-            raise OrbitError(
+                return lap, run
+            return OrbitError(
                 f"the run from start has not come back to itself after {steps} steps.",
                 f"It is at {_shown(last)}. Raise max_steps, or give the period with a start near the cycle; "
                 "a torus never closes, and chaos seldom.",
-            )
+            ), run
         steps = min(2 * steps, max_steps)
 
 
 def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) -> Lap:
     """The lap of that length from `start`; raises `OrbitError` when the run does not get through it."""
-    run = trajectory_of(
-        flow, start=start, span=(0.0, period), epsilon=epsilon, rtol=RTOL, atol=ATOL,
-        options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853),
-    )  # fmt: skip
+
+    def found(atol: float) -> Trajectory:
+        return trajectory_of(
+            flow, start=start, span=(0.0, period), epsilon=epsilon, rtol=RTOL, atol=atol,
+            options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853),
+        )  # fmt: skip
+
+    run = found(ATOL)
+    atol = _finer(run, ATOL)
+    while atol is not None:
+        again = found(atol)
+        if run.status.ok and not again.status.ok:
+            break
+        run, atol = again, _finer(again, atol)
     if not run.status.ok:
         raise OrbitError(
             "the run from start does not last one period.", "Move the start or the period.", got=run.message
@@ -145,10 +203,20 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
     return Lap(run, 0.0, period)
 
 
-def _at_rest(run: Trajectory) -> bool:
+def _crossed(run: Trajectory, flow: Flow) -> str | None:
+    """The first state that changes its sign along the run though its rate vanishes with it; None where none does."""
+    found: dict[int, str] = {}
+    for symbol, rate, values in zip(flow.states, flow.rates, run.y):
+        beyond = -np.sign(values[0]) * values > RTOL * np.abs(values).max()
+        if beyond.any() and rate.xreplace({symbol: sp.S.Zero}) == 0:
+            found.setdefault(int(np.argmax(beyond)), symbol.name)
+    return found[min(found)] if found else None
+
+
+def _at_rest(run: Trajectory, atol: float) -> bool:
     half = run.y[:, run.y.shape[1] // 2 :]
     moved, size = np.ptp(half, axis=1), np.ptp(run.y, axis=1) + np.abs(half).max(axis=1)
-    return bool((moved <= AT_REST * size + ATOL).all())
+    return bool((moved <= AT_REST * size + atol).all())
 
 
 def _closed_lap(run: Trajectory, closes: float, *, last: bool = True) -> Lap | None:
