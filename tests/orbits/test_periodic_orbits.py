@@ -492,3 +492,23 @@ def test_a_run_that_crosses_an_invariant_axis_says_so_and_its_remedy_finds_the_c
     orbit = gsp.periodic_orbit(logarithmic, start={"u": float(np.log(0.8)), "y": 0.2}, epsilon=0.01)
     # Radau of SciPy in ln x and ln y at a relative tolerance of 1e-11.
     assert orbit.period == pytest.approx(6.290000125062, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("rates", "place"),
+    [
+        ({x: y, y: -x - y / 10}, "x = 0, y = 0"),
+        ({x: x * (1 - x), y: -y}, "x = 1, y = "),
+        ({x: x * (1 - x - 2 * y), y: y * (1 - y - 2 * x)}, "x = 1, y = "),
+    ],
+    ids=["a damped spring", "logistic growth", "competition"],
+)
+def test_a_run_that_comes_to_rest_to_the_last_bit_settles_at_the_equilibrium(rates, place: str) -> None:
+    # Steps grow without bound there: the end was called infinity, and steps of 1e140 were taken for a lap.
+    with pytest.raises(OrbitError, match=f"settles at the equilibrium {place}"):
+        gsp.periodic_orbit(gsp.VectorField(rates, epsilon=None), start={"x": 0.5, "y": 0.1})
+
+
+def test_a_run_that_goes_on_at_a_constant_speed_leaves_for_infinity() -> None:
+    with pytest.raises(OrbitError, match="leaves for infinity"):
+        gsp.periodic_orbit(gsp.VectorField({x: 1 + y, y: -y}, epsilon=None), start={"x": 0.5, "y": 0.1})

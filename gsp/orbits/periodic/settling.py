@@ -142,7 +142,8 @@ def _settled(
                 f"Take ln {crossed} for a state in its place.",
                 got=f"start {_shown(start)}",
             ), run
-        lap = _closed_lap(run, closes)
+        # A cycle is run around for ever: a run that gets through is on none.
+        lap = None if run.status.ok else _closed_lap(run, closes)
         if lap is not None:
             return lap, run
         if _at_rest(run, atol):
@@ -214,7 +215,10 @@ def _crossed(run: Trajectory, flow: Flow) -> str | None:
 
 
 def _at_rest(run: Trajectory, atol: float) -> bool:
-    half = run.y[:, run.y.shape[1] // 2 :]
+    count = run.y.shape[1]
+    # Of a run that got through, the later half of its time; of others, which know no last time, of their steps.
+    later = np.searchsorted(np.abs(run.t), 0.5 * abs(run.t[-1])) if run.status.ok else count // 2
+    half = run.y[:, min(int(later), count - 2) :]
     moved, size = np.ptp(half, axis=1), np.ptp(run.y, axis=1) + np.abs(half).max(axis=1)
     return bool((moved <= AT_REST * size + atol).all())
 
