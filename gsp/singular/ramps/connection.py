@@ -46,11 +46,16 @@ class Connection(NamedTuple):
     x: np.ndarray
 
 
+def nodes(degree: int) -> np.ndarray:
+    """The Chebyshev nodes (N + 1,) of polynomials of degree N over [-1, 1]."""
+    return -np.cos(np.pi * np.arange(degree + 1) / degree)
+
+
 @lru_cache(maxsize=8)
 def _grid(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Chebyshev nodes c (N + 1,), points s (N,) between them, and matrices to values and slopes there (N, N + 1)."""
     j = np.arange(degree + 1)
-    c, s = -np.cos(np.pi * j / degree), -np.cos(np.pi * (2 * j[:-1] + 1) / (2 * degree))
+    c, s = nodes(degree), -np.cos(np.pi * (2 * j[:-1] + 1) / (2 * degree))
     weights = np.where(j % 2, -1.0, 1.0)
     weights[[0, -1]] /= 2.0
     terms = weights / (s[:, None] - c)
@@ -74,21 +79,22 @@ def connection(
     None where it reaches none, or one that is `known`. The error is what twice the degree changes, with the rounding
     of the equations.
     """
-    found = _solved(rates, ends, guess, FIRST, shape(_places(ends, _grid(FIRST)[0])))
+    first, last = ends.start[0], ends.edge[0]
+    found = _solved(rates, ends, guess, FIRST, shape(places(first, last, nodes(FIRST))))
     before, degree = np.inf, FIRST
     while found is not None and degree < LAST:
         if any(abs(found[0] - one.rate) <= SAME * one.rate for one in known):
             return None
         rate, x, _ = found
         degree *= 2
-        found = _solved(rates, ends, rate, degree, _refined(x, degree))
+        found = _solved(rates, ends, rate, degree, refined(x, degree))
         if found is None:
             return None
         change = abs(found[0] - rate) / rate
         # Below the root of rounding a change that falls no longer is rounding that the estimate has not seen.
         if change <= max(found[2], ROUNDING * degree) or before <= change <= ROUNDING**0.5:
             rate, x, rounding = found
-            return Connection(rate, (change + rounding) * rate, _places(ends, _grid(degree)[0]), x)
+            return Connection(rate, (change + rounding) * rate, places(first, last, nodes(degree)), x)
         # A rate that moves by more when the degree doubles is one of the equations for polynomials, and of no orbit.
         if change > 0.5:
             return None
@@ -96,19 +102,19 @@ def connection(
     return None
 
 
-def _places(ends: RampEnds, c: np.ndarray) -> np.ndarray:
-    (first, _), (last, _) = ends
+def places(first: float, last: float, c: np.ndarray) -> np.ndarray:
+    """Phases between two ends at places c of [-1, 1]."""
     return first + 0.5 * (last - first) * (c + 1.0)
 
 
-def _refined(x: np.ndarray, degree: int) -> np.ndarray:
-    """The polynomial with values x at the nodes of a lower degree, at those of `degree`."""
+def refined(x: np.ndarray, degree: int) -> np.ndarray:
+    """The polynomial with values x (k,) or (k, n) at the nodes of a lower degree, at those of `degree`."""
     return _refinement(len(x) - 1, degree) @ x
 
 
 @lru_cache(maxsize=8)
 def _refinement(coarse: int, fine: int) -> np.ndarray:
-    to, on = (np.polynomial.chebyshev.chebvander(_grid(n)[0], coarse) for n in (coarse, fine))
+    to, on = (np.polynomial.chebyshev.chebvander(nodes(n), coarse) for n in (coarse, fine))
     return np.linalg.solve(to.T, on.T).T
 
 
@@ -118,7 +124,7 @@ def _solved(
     """(r, x, relative rounding of r) by Newton's method."""
     _, s, values, slopes = _grid(degree)
     (first, x_0), (last, x_1) = ends
-    l, per_unit = _places(ends, s), 2.0 / (last - first)  # noqa: E741
+    l, per_unit = places(first, last, s), 2.0 / (last - first)  # noqa: E741
     matrix = np.zeros((degree + 2, degree + 2))
     matrix[0, 0] = matrix[-1, degree] = 1.0
     # Newton's method converges within a few steps or goes elsewhere.

@@ -52,9 +52,7 @@ class Escape:
 
 def thresholds(escape: Escape) -> tuple[tuple[bool, bool], list[Connection]]:
     """Whether slow ramps tip, and fast ones, and the orbits on the thresholds between, as far as they are one."""
-    begin, given = escape.begin, escape.given
-    first, last = given.ends
-    natural = float(-given.growth(begin)[-1]) * abs(last - first) / given.speed(begin.x)
+    natural = escape.given.natural(escape.begin)
     tried = natural * np.logspace(-DECADES, DECADES, 2 * DECADES * PER_DECADE + 1)
     sides = [escape.side(rate) for rate in tried]
     found = [_matched(escape, a, b) for a, b, i, j in zip(tried, tried[1:], sides, sides[1:]) if i != j]

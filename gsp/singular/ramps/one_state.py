@@ -50,9 +50,8 @@ def slow_end(given: Ramped, way: list[Place], last: float) -> float:
 def _next_rest(given: Ramped, begin: Place, s: float) -> float:
     """The rest point to which x' = f(x, s) leads from where it has just lost one; infinite where it leads away."""
     phase, (state,) = given.ramp.phase, given.field.states
-    kept = {p: v for p, v in given.field.parameters.items() if p != phase}
     rate = given.field.rates[0].xreplace({phase: sp.Float(s, 17)})
-    still = VectorField({state: rate}, epsilon=None, parameters=kept)
+    still = VectorField({state: rate}, epsilon=None, parameters=given.kept)
     x, time = float(begin.x[0]), 1.0
     for _ in range(64):
         run = trajectory_of(still, {state.name: x}, (0.0, time), None, RTOL, RTOL * (abs(x) or 1.0))
@@ -79,7 +78,7 @@ def _connections(given: Ramped, way: list[Place], edge: Place, odd: bool) -> lis
         return np.column_stack([found.f[:, 0], found.f_x[:, 0, 0], found.rho])
 
     ends = RampEnds((first, float(begin.x[0])), (last, float(edge.x[0])))
-    natural = abs(given.growth(begin)[0]) * abs(last - first) / given.speed(begin.x)
+    natural = given.natural(begin)
     back = [edge]
     found: list[Connection] = []
     # A guess of the orbit is a straight line, or the branch of the start, then that of the edge; it changes at one of
@@ -119,8 +118,7 @@ def moving_frame(given: Ramped, begin: Place) -> float | None:
     None where they do not. Raises `RampError` unless the field is a function of u and rho a number.
     """
     (f,), (x,), p = given.field.rates, given.field.states, given.ramp.phase
-    put_in = {q: value for q, value in given.field.parameters.items() if q != p}
-    f, rho = f.xreplace(put_in), given.ramp.profile.xreplace(put_in)
+    f, rho = f.xreplace(given.kept), given.ramp.profile.xreplace(given.kept)
     slopes = derivative(f, x), derivative(f, p)
     c = sp.cancel(slopes[1] / slopes[0])
     if not (c.is_number and rho.is_number) or not vanishes(slopes[1] - c * slopes[0]):

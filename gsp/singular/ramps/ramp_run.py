@@ -76,17 +76,13 @@ def run_ramp(
     """
     (first, last), phase, states = given.ends, given.ramp.phase, given.field.states
     names, n = [x.name for x in states], len(states)
-    kept = {p: v for p, v in given.field.parameters.items() if p != phase}
     moving = VectorField(
-        {**given.field.equations, phase: RATE * given.ramp.profile}, epsilon=RATE, parameters=kept
+        {**given.field.equations, phase: RATE * given.ramp.profile}, epsilon=RATE, parameters=given.kept
     )
     x, s = leaving(given, begin, rate)
     # Phases that never arrive are followed to this share of the way from their end.
     share = 1e-4 if given.rests_at(last) else 0.0
     end, middle = (first + part * (last - first) for part in (1.0 - share, 0.5))
-    # The way takes the inverse of rho; the time of it is bounded by that of the slower end.
-    paces = [abs(given.at(begin.x, e).rho_s) for e in (first, last) if given.rests_at(e)]
-    most = (40.0 / min(paces) if paces else 0.0) + 16.0 * abs(last - first) / given.speed(begin.x)
     passed = (
         [] if level is None else [Event(states[level[0]] - sp.Float(level[1], 17), terminal=True, name="level")]
     )
@@ -104,7 +100,7 @@ def run_ramp(
     def reached(found: Trajectory) -> bool:
         return level is not None and len(found.events["level"].times) > 0
 
-    along = run(moving, {**dict(zip(names, x)), phase.name: s}, most / rate, ramping)
+    along = run(moving, {**dict(zip(names, x)), phase.name: s}, given.longest(begin.x) / rate, ramping)
     halves = along.events["half way"].times
     origin = float(halves[0]) if len(halves) else float(along.t[-1])
     # From where something is to be seen: the phase leaves its end.
@@ -115,7 +111,7 @@ def run_ramp(
     if status is Status.SUCCESS or (status is Status.EVENT_REACHED and not reached(along)):
         flow = moving if share else VectorField(
             {x: rate.xreplace({phase: given.ramp.ends[1]}) for x, rate in given.field.equations.items()},
-            epsilon=None, parameters=kept,
+            epsilon=None, parameters=given.kept,
         )  # fmt: skip
         begun = dict(zip(names, along.y[:n, -1])) | ({phase.name: float(along.y[n, -1])} if share else {})
         on = run(flow, begun, after, tuple(passed))

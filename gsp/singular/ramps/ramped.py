@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -70,13 +71,17 @@ class Ramped:
         return float(first), float(last)  # pyright: ignore[reportArgumentType]
 
     @cached_property
+    def kept(self) -> Mapping[sp.Symbol, sp.Rational]:
+        """The values of all parameters but the phase."""
+        return {p: value for p, value in self.field.parameters.items() if p != self.ramp.phase}
+
+    @cached_property
     def _compiled(self) -> tuple[CompiledFunction, list[float]]:
         f, x, s, rho = list(self.field.rates), list(self.field.states), self.ramp.phase, self.ramp.profile
         f_x = jacobian(f, x)
-        others = [p for p in self.field.parameters if p != s]
         outputs = (*f, *f_x, *(derivative(e, s) for e in f), rho, derivative(rho, s))
-        compiled = compile_function(outputs, arguments=(*x, s), parameters=others)
-        return compiled, [np.nan, *(float(self.field.parameters[p]) for p in others)]
+        compiled = compile_function(outputs, arguments=(*x, s), parameters=list(self.kept))
+        return compiled, [np.nan, *map(float, self.kept.values())]
 
     def rates(self, x: np.ndarray, s: np.ndarray) -> Rates:
         """At x (m, n) and s (m,)."""
@@ -93,8 +98,7 @@ class Ramped:
 
     def moved(self, s: np.ndarray) -> dict[str, np.ndarray]:
         """The parameters that move, at phases s (m,), by name."""
-        p = {q: v for q, v in self.field.parameters.items() if q != self.ramp.phase}
-        put = {q: e.xreplace(p) for q, e in self.ramp.parameters.items()}
+        put = {q: e.xreplace(self.kept) for q, e in self.ramp.parameters.items()}
         compiled = compile_function(tuple(put.values()), arguments=(self.ramp.phase,))
         return dict(zip((q.name for q in put), compiled(s[:, np.newaxis], [np.nan]).T))
 
@@ -173,15 +177,29 @@ class Ramped:
 
     @cached_property
     def _rests(self) -> list[bool]:
-        phase = self.ramp.phase
-        rho = self.ramp.profile.xreplace({q: v for q, v in self.field.parameters.items() if q != phase})
-        return [bool(sp.simplify(rho.xreplace({phase: end})) == 0) for end in self.ramp.ends]
+        rho = self.ramp.profile.xreplace(self.kept)
+        return [bool(sp.simplify(rho.xreplace({self.ramp.phase: end})) == 0) for end in self.ramp.ends]
 
     def speed(self, x: np.ndarray) -> float:
         """The largest |rho| on the way."""
         first, last = self.ends
         inside = first + (last - first) * (np.arange(16) + 0.5) / 16.0
         return float(np.abs(self.rates(np.tile(x, (16, 1)), inside).rho).max())
+
+    def natural(self, begin: Place) -> float:
+        """The rate at which the ramp is as fast as the slowest state at `begin`."""
+        first, last = self.ends
+        return float(-self.growth(begin)[-1]) * abs(last - first) / self.speed(begin.x)
+
+    def paces(self, x: np.ndarray) -> list[float]:
+        """|rho_s| at the ends where the phase is at rest, by which it leaves or comes to them."""
+        return [abs(self.at(x, end).rho_s) for end in self.ends if self.rests_at(end)]
+
+    def longest(self, x: np.ndarray) -> float:
+        """The rate times the time along the ramp, ample: the way takes the inverse of rho, the slower end its pace."""
+        first, last = self.ends
+        paces = self.paces(x)
+        return (40.0 / min(paces) if paces else 0.0) + 16.0 * abs(last - first) / self.speed(x)
 
 
 def _determinant(matrix: np.ndarray) -> float:

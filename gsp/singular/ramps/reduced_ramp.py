@@ -48,26 +48,25 @@ class RestingLimit(NamedTuple):
     singularity: FoldedSingularity
 
 
+def along(given: Ramped, q: sp.Expr) -> SlowFastSystem:
+    """A slow-fast system along its ramp with the phase as a slow variable, and the rate as the last where `q` is it."""
+    source, moved = given.source, dict(given.ramp.parameters)
+    assert isinstance(source, SlowFastSystem)
+    slow = {s: e.xreplace(moved) for s, e in source.slow.items()}
+    return SlowFastSystem(
+        slow={**slow, given.ramp.phase: q * given.ramp.profile, **({RATE: sp.S.Zero} if q == RATE else {})},
+        fast={y: e.xreplace(moved) for y, e in source.fast.items()},
+        epsilon=source.epsilon,
+        parameters=given.kept,
+    )
+
+
 class ReducedRamp:
     """Orbits of (1) from the rest point where a ramp begins."""
 
     def __init__(self, given: Ramped, begin: Place) -> None:
-        source = given.source
-        assert isinstance(source, SlowFastSystem)
-        self.given, self.begin, self.source = given, begin, source
-        self.flow = desingularise(self.along(RATE))
-
-    def along(self, q: sp.Expr) -> SlowFastSystem:
-        """The system with phase and rate as slow variables, the rate the last."""
-        given, moved = self.given, dict(self.given.ramp.parameters)
-        phase = given.ramp.phase
-        slow = {s: e.xreplace(moved) for s, e in self.source.slow.items()}
-        return SlowFastSystem(
-            slow={**slow, phase: q * given.ramp.profile, **({RATE: sp.S.Zero} if q == RATE else {})},
-            fast={y: e.xreplace(moved) for y, e in self.source.fast.items()},
-            epsilon=self.source.epsilon,
-            parameters={p: v for p, v in given.field.parameters.items() if p != phase},
-        )
+        self.given, self.begin = given, begin
+        self.flow = desingularise(along(given, RATE))
 
     @cached_property
     def fold(self) -> float:
@@ -88,15 +87,13 @@ class ReducedRamp:
     def run(self, q: float) -> Trajectory:
         """The orbit at the rate q, which ends where it meets the fold."""
         given, phase, names = self.given, self.given.ramp.phase, [s.name for s in self.given.field.states]
-        x, s = leaving(given, self.begin, q, [name in {y.name for y in self.source.fast} for name in names])
-        first, last = given.ends
-        paces = [abs(given.at(self.begin.x, e).rho_s) for e in (first, last) if given.rests_at(e)]
-        most = (40.0 / min(paces) + 16.0 * abs(last - first) / given.speed(self.begin.x)) / q
+        x, s = leaving(given, self.begin, q, [name == self.flow.y.name for name in names])
+        _, last = given.ends
         met = Event(self.flow.fold - sp.Float(MET * self.fold, 17), terminal=True, name="fold")
         ended = () if given.rests_at(last) else (Event(phase - sp.Float(last, 17), terminal=True, name="end"),)
         start = {**dict(zip(names, x)), phase.name: s}
         # In time of (1) near folds, a hundred times along the ramp at the pace of the start.
-        span = (0.0, 100.0 * most / abs(self.fold))
+        span = (0.0, 100.0 * given.longest(self.begin.x) / q / abs(self.fold))
         options = RunOptions(events=(met, *ended))
         found = trajectory_of(self._field, start, span, q, ACCURACY, 1e-2 * ACCURACY, options=options)
         if ended and len(found.events["end"].times):
@@ -124,11 +121,11 @@ class ReducedRamp:
         end = dict(zip([s.name for s in self._field.states], run.y[:, -1]))
         orbit = np.array([run[s.name] for s in self.given.field.states]).T
         phase = run[self.given.ramp.phase.name]
-        born = folded_saddle_node(self.along(RATE), near={**end, RATE.name: beyond})
+        born = folded_saddle_node(along(self.given, RATE), near={**end, RATE.name: beyond})
         if born is not None and abs(float(born[RATE.name]) - q) <= 10.0 * MET * q:
             q = float(born[RATE.name])
             return RestingLimit(q, 4.0 * np.finfo(float).eps * q, phase, orbit, born)
-        passed = folded_singularity(self.along(exact(q)), near=end)
+        passed = folded_singularity(along(self.given, exact(q)), near=end)
         return RestingLimit(q, 10.0 * MET**2 * q, phase, orbit, passed)
 
     def _between(self, near: float) -> tuple[float, float] | None:

@@ -92,7 +92,6 @@ class Passage:
         Where it is, the ramp is run over time. Where it is not, over s, or over log |s - s_0| where it starts at rest.
         """
         given, phase = self.given, self.given.ramp.phase
-        kept = {p: v for p, v in given.field.parameters.items() if p != phase}
         units = [sp.Rational(float(c)) for c in self.units]
         own = {x: c * x for x, c in zip(given.field.states, units)}
         f = {x: rate.xreplace(own) / c for (x, rate), c in zip(given.field.equations.items(), units)}
@@ -100,23 +99,17 @@ class Passage:
         frozen = VectorField(
             {x: rate.xreplace({phase: given.ramp.ends[1]}) for x, rate in f.items()},
             epsilon=None,
-            parameters=kept,
+            parameters=given.kept,
         )
         rho = given.ramp.profile
         if given.rests_at(last):
-            return VectorField({**f, phase: RATE * rho}, epsilon=RATE, parameters=kept), frozen, True
+            return VectorField({**f, phase: RATE * rho}, epsilon=RATE, parameters=given.kept), frozen, True
         at, pace = phase, sp.S.One
         if given.rests_at(first):
             pace = sp.exp(phase) if last > first else -sp.exp(phase)
             at = given.ramp.ends[0] + pace
         over = {x: (rate / (RATE * rho)).xreplace({phase: at}) * pace for x, rate in f.items()}
-        return VectorField({**over, phase: sp.S.One}, epsilon=RATE, parameters=kept), frozen, False
-
-    @cached_property
-    def natural(self) -> float:
-        """The rate at which the ramp is as fast as the slowest state."""
-        first, last = self.given.ends
-        return float(-self.given.growth(self.begin)[-1]) * abs(last - first) / self.given.speed(self.begin.x)
+        return VectorField({**over, phase: sp.S.One}, epsilon=RATE, parameters=given.kept), frozen, False
 
     @cached_property
     def settling(self) -> float:
@@ -132,9 +125,8 @@ class Passage:
     @cached_property
     def _way(self) -> float:
         """r times the time along a ramp that comes to rest, ample."""
-        first, last = self.given.ends
-        paces = [abs(self.given.at(self.begin.x, e).rho_s) for e in (first, last) if self.given.rests_at(e)]
-        return 2.0 * SETTLING / min(paces) + abs(last - first) / self.given.speed(self.begin.x)
+        (first, last), x = self.given.ends, self.begin.x
+        return 2.0 * SETTLING / min(self.given.paces(x)) + abs(last - first) / self.given.speed(x)
 
     def runs(self, rate: float, rtol: float) -> list[Trajectory]:
         """The run along the ramp, and the one after it where the ramp stops; in `units`, over their own times."""
@@ -286,7 +278,7 @@ def thresholds(
     A ramp tips that ends on another side of the edge than the branch of the start does, or than fast ramps do where
     that branch is lost on the way.
     """
-    tried = passage.natural * np.logspace(-DECADES, DECADES, 2 * DECADES * PER_DECADE + 1)
+    tried = passage.given.natural(passage.begin) * np.logspace(-DECADES, DECADES, 2 * DECADES * PER_DECADE + 1)
     ends = [passage.ending(passage.runs(rate, FINE)[-1]) for rate in tried]
     home = passage.side_of(way[-1].x) if way[-1].s == passage.edge.place.s else ends[-1]
     found, unmatched = [], []

@@ -28,9 +28,10 @@ from numpy.polynomial import chebyshev
 from gsp.algebra.differentiation import jacobian
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.results.card import Card
+from gsp.singular.ramps.connection import nodes, places, refined
 from gsp.singular.ramps.critical_rate import CriticalRate
 from gsp.singular.ramps.ramped import RampError
-from gsp.singular.ramps.reduced_ramp import ReducedRamp, RestingLimit
+from gsp.singular.ramps.reduced_ramp import ReducedRamp, RestingLimit, along
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity, folded_singularity
 from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.declaration import exact
@@ -170,10 +171,6 @@ def _resting(found: CriticalRate, threshold: int) -> RestingLimit | None:
     return limit
 
 
-def _nodes(degree: int) -> np.ndarray:
-    return -np.cos(np.pi * np.arange(degree + 1) / degree)
-
-
 class _Problem:
     """Equations (1) or (2) about one threshold, as rows R(z, dz/ds, s, q, d)."""
 
@@ -191,7 +188,6 @@ class _Problem:
         z = [*given.field.states]
         zp = [sp.Dummy(f"{s}_s") for s in z]
         q, d = sp.Dummy("q"), sp.Dummy("d")
-        kept = {p: v for p, v in given.field.parameters.items() if p != ramp.phase}
         if isinstance(source, SlowFastSystem):
             assert given.epsilon is not None
             self.small, self.number = given.epsilon, orbit.rate
@@ -207,7 +203,7 @@ class _Problem:
             moved, self.held = dict(ramp.amplified(q).parameters), []
             # With the parameters themselves put in, whose values along the ramp are functions of q.
             rows = [d * ramp.profile * p - e.xreplace(moved) for p, e in zip(zp, source.rates)]
-        rows = [row.xreplace(kept) for row in rows]
+        rows = [row.xreplace(given.kept) for row in rows]
         slopes = jacobian(rows, [*z, *zp, q])
         self.compiled: CompiledFunction = compile_function(
             (*rows, *slopes), arguments=(*z, *zp, ramp.phase, q), parameters=[d]
@@ -229,7 +225,7 @@ class _Problem:
     def limit(self) -> tuple[np.ndarray, float] | None:
         """The solution at d = 0, by way of the d that was found: values (k, n) at the nodes, and q."""
         degree = FIRST
-        x = self.guess(self._places(_nodes(degree)))
+        x = self.guess(places(*self.ends, nodes(degree)))
         here = (x, self.number) if self.resting is None else (x, self.resting.q)
         # On the way to d = 0 it is halved.
         for d in [0.5**k * self.small for k in range(4)] if self.resting is None else []:
@@ -239,8 +235,7 @@ class _Problem:
         while here is not None and degree < LAST:
             x, q = here
             degree += 4
-            finer = chebyshev.chebval(_nodes(degree), chebyshev.chebfit(_nodes(len(x) - 1), x, len(x) - 1)).T
-            here = self.at(finer, q, 0.0)
+            here = self.at(refined(x, degree), q, 0.0)
             if here is not None and abs(here[1] - q) <= SETTLED * abs(q):
                 return here
         return None
@@ -250,37 +245,22 @@ class _Problem:
         given, source = self.given, self.given.source
         if not isinstance(source, SlowFastSystem) or (len(source.fast), len(source.slow)) != (1, 1):
             return None
-        phase, moved = given.ramp.phase, dict(given.ramp.parameters)
-        along = SlowFastSystem(
-            slow={
-                **{s: e.xreplace(moved) for s, e in source.slow.items()},
-                phase: exact(q) * given.ramp.profile,
-            },
-            fast={y: e.xreplace(moved) for y, e in source.fast.items()},
-            epsilon=source.epsilon,
-            parameters={p: v for p, v in given.field.parameters.items() if p != phase},
-        )
-        s, fast = self._places(_nodes(len(x) - 1)), 1 - self.held[0]
+        s, fast = places(*self.ends, nodes(len(x) - 1)), 1 - self.held[0]
         k = int(np.argmin(np.abs(given.rates(x, s).f_x[:, fast, fast])))
-        near = {**dict(zip((z.name for z in given.field.states), x[k])), phase.name: float(s[k])}
-        return folded_singularity(along, near=near)
-
-    def _places(self, c: np.ndarray) -> np.ndarray:
-        first, last = self.ends
-        return first + 0.5 * (last - first) * (c + 1.0)
+        near = {**dict(zip((z.name for z in given.field.states), x[k])), given.ramp.phase.name: float(s[k])}
+        return folded_singularity(along(given, exact(q)), near=near)
 
     def at(self, x: np.ndarray, q: float, d: float) -> tuple[np.ndarray, float] | None:
         """The smooth solution at d, by Newton's method with least squares."""
         degree, m, n = len(x) - 1, len(x) + 1, self.n
-        nodes = _nodes(degree)
         c = -np.cos(np.pi * (2 * np.arange(m) + 1) / (2 * m))
-        to = np.linalg.inv(chebyshev.chebvander(nodes, degree))
+        to = np.linalg.inv(chebyshev.chebvander(nodes(degree), degree))
         values = chebyshev.chebvander(c, degree) @ to
         per = 2.0 / (self.ends[1] - self.ends[0])
         slopes = (
             per * np.array([chebyshev.chebval(c, chebyshev.chebder(row)) for row in np.eye(degree + 1)]).T @ to
         )
-        s, before = self._places(c), np.inf
+        s, before = places(*self.ends, c), np.inf
         for _ in range(40):
             place = np.column_stack([values @ x, slopes @ x, s, np.full(m, q)])
             out = self.compiled(place, [np.nan, d])
