@@ -40,6 +40,11 @@ class LayerProblem:
     free: tuple[sp.Symbol, ...]
     fixed: Mapping[sp.Symbol, float]
 
+    @classmethod
+    def over_all(cls, system: SlowFastSystem) -> LayerProblem:
+        """That in which every slow variable is free, the parameters at their values."""
+        return cls(system, system.x, dict(zip(system.parameters, compile_flow(system).constants[1:].tolist())))
+
     @property
     def unknowns(self) -> tuple[sp.Symbol, ...]:
         """The free symbols, then the fast ones."""

@@ -26,6 +26,7 @@ from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import Sampler
 from gsp.errors import NO_REASON, BranchError, DeclarationError, GspError, HyperbolicityError, Reason, Status
+from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -33,7 +34,7 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.singular.flight import Flight, Flights
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.fold_passage import ZERO, FoldPassage, omega0, passage_at
+from gsp.singular.passage.fold_passage import ZERO, FoldPassage, passage_at
 from gsp.singular.passage.slow_orbit import time_to_move
 from gsp.slow.series import expand
 from gsp.systems.arguments import check_noun, check_progress, check_whole, shown
@@ -343,7 +344,7 @@ def _period(orbit: SingularOrbit) -> tuple[float, float, float]:
     total = sum(piece.duration + (piece.flight.duration if piece.flight else 0.0) for piece in cycle)
     result = [total]
     for shifts, times in (
-        ([f.leading for f in folds if f], [omega0() * (f.a * f.b) ** (-1.0 / 3.0) for f in folds if f]),
+        ([f.leading for f in folds if f], [OMEGA_0 * (f.a * f.b) ** (-1.0 / 3.0) for f in folds if f]),
         (
             [f.logarithmic for f in folds if f],
             [(f.b * f.c / f.a**2 - f.d / (2.0 * f.a)) / (3.0 * f.b) for f in folds if f],

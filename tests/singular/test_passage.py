@@ -9,11 +9,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
-from scipy.special import ai_zeros
 
 import gsp
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status, UnsupportedFunctionError
+from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.integration.methods import Method
 from gsp.singular.passage.delay_measurement import measure_delay
 from gsp.singular.passage.delayed_exit import ExitKind
@@ -22,7 +22,7 @@ from gsp.singular.passage.entry_exit import entry_exit
 from gsp.singular.passage.extended_orbit import follow
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_measurement import fit_omega0, fold_exit
-from gsp.singular.passage.fold_passage import fold_passage, omega0
+from gsp.singular.passage.fold_passage import fold_passage
 from gsp.singular.passage.losses_met import Outcome, PassedLoss, first_zero
 from tests.cases import thinned
 
@@ -50,10 +50,6 @@ SHISHKOVA = system({t: 1}, {x: t * x - y + eps, y: x + t * y})
 
 
 # -- folds -------------------------------------------------------------------------------------------
-
-
-def test_omega0_is_the_first_zero_of_airys_function() -> None:
-    assert omega0() == pytest.approx(-ai_zeros(1)[0][0], abs=1e-14)
 
 
 @pytest.mark.parametrize(("epsilon", "exit"), [(1e-2, 0.098843792572790542), (1e-3, 0.022388518922361782)])
@@ -89,7 +85,7 @@ def test_the_exit_obeys_the_quotient_of_airy_functions() -> None:
 )
 def test_omega0_and_the_logarithm_come_out_of_a_fit(of, point, section) -> None:
     fit = fit_omega0(fold_passage(of, point), section=section)
-    assert fit.omega0 == pytest.approx(omega0(), abs=1e-3)
+    assert fit.omega0 == pytest.approx(OMEGA_0, abs=1e-3)
     assert fit.logarithmic == pytest.approx(fit.expected_logarithmic, abs=0.02)
 
 
@@ -97,19 +93,19 @@ def test_van_der_pol_has_the_logarithm_two_ninths_and_lands_at_minus_two() -> No
     curve = gsp.continue_critical(VAN_DER_POL, start={"x": 2, "y": 2 / 3}, bounds={"x": (-3, 3), "y": (-2, 2)})
     passage = fold_passage(VAN_DER_POL, next(p for p in curve.special if p["x"] > 0))
     assert passage.logarithmic[0] == pytest.approx(-2 / 9, abs=1e-12)
-    assert passage.leading[0] == pytest.approx(-omega0(), abs=1e-12)
+    assert passage.leading[0] == pytest.approx(-OMEGA_0, abs=1e-12)
     assert passage.drop.kind is DropKind.SHEET
     assert passage.drop.point["x"] == pytest.approx(-2, abs=1e-12)
     assert passage.drop.point["y"] == passage.point["y"]
     assert passage.drop.eigenvalues == pytest.approx([-3])
-    assert passage.exit(1e-3)["y"] == pytest.approx(-2 / 3 - omega0() * 0.01 - 2 / 9 * 1e-3 * math.log(1e-3))
+    assert passage.exit(1e-3)["y"] == pytest.approx(-2 / 3 - OMEGA_0 * 0.01 - 2 / 9 * 1e-3 * math.log(1e-3))
 
 
 def test_units_of_the_fast_rate_are_no_branch_point() -> None:
-    # With a = b = k the exit is omega0 (k^2)^(-1/3).
+    # With a = b = k the exit is OMEGA_0 (k^2)^(-1/3).
     for k in (R(1, 10**9), R(10**9)):
         passage = fold_passage(system({y: 1}, {x: k * (x**2 + y)}), {"x": 0, "y": 0})
-        assert passage.leading[0] == pytest.approx(omega0() * float(k) ** (-2 / 3), rel=1e-12)
+        assert passage.leading[0] == pytest.approx(OMEGA_0 * float(k) ** (-2 / 3), rel=1e-12)
     for g in (x**2 + y**2 / 2, x**2 + x * y):
         with pytest.raises(PassageError, match="two branches"):
             fold_passage(system({y: 1}, {x: g}), {"x": 0, "y": 0})
@@ -152,7 +148,7 @@ def test_a_scaled_fold_scales_its_delay() -> None:
     scaled = -10 * found.point["y"] / small ** (2 / 3)
     quotient = mp.airyai(scaled, derivative=1) / mp.airyai(scaled)
     assert float(small ** (1 / 3) * quotient) == pytest.approx(5, abs=1e-8)
-    assert passage.delay(1e-6) == pytest.approx(omega0() * 30 ** (-1 / 3) * 1e-4)
+    assert passage.delay(1e-6) == pytest.approx(OMEGA_0 * 30 ** (-1 / 3) * 1e-4)
 
 
 @pytest.mark.parametrize(

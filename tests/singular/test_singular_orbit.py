@@ -10,8 +10,8 @@ import gsp
 from gsp import charts
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.orbits.periodic.finding import periodic_orbit
-from gsp.singular.passage.fold_passage import omega0
 from gsp.singular.singular_orbit import singular_orbit
 from gsp.systems.system import SlowFastSystem
 from tests.cases import itertools, thinned
@@ -34,7 +34,7 @@ def van_der_pol():
 
 def test_van_der_pols_period_has_the_coefficients_of_dorodnitsyn(van_der_pol):
     # T = (3 - 2 ln 2) mu + 3 Omega_0 mu^(-1/3) - (2/3) ln(mu)/mu + ...
-    assert van_der_pol.coefficients == pytest.approx([3 - 2 * np.log(2), 3 * omega0(), 1 / 3], rel=1e-8)
+    assert van_der_pol.coefficients == pytest.approx([3 - 2 * np.log(2), 3 * OMEGA_0, 1 / 3], rel=1e-8)
 
 
 def test_what_is_left_of_the_period_is_the_next_constant(van_der_pol):

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative
+from gsp.algebra.differentiation import derivative, entries
 from gsp.algebra.functions import parts
 from gsp.errors import UnsupportedFunctionError
 from gsp.fibres.decaying_signals import chebyshev
@@ -111,17 +111,15 @@ class ComplexOrbit:
         self.through_folds = through_folds
         self.z = np.concatenate([[origin], orbit.at(origin)]).astype(complex)
         self.units = np.concatenate([[orbit.time], orbit.units])
-        system, equations = orbit.branch.system, orbit.equations
+        system, sampler = orbit.branch.system, orbit.sampler
         self.m, self.n = len(system.x), len(system.y)
         values = dict(system.parameters)
-        E = orbit.branch.equations if through_folds else equations.E
-        slopes = [derivative(e, s) for symbols in (system.x, system.y) for e in E for s in symbols]
-        needed = set[sp.Symbol]().union(*(e.free_symbols for e in (*equations.f, *equations.g_y)))
+        E, g_y = orbit.branch.equations if through_folds else orbit.equations, entries(sampler.g, system.y)
+        needed = set[sp.Symbol]().union(*(e.free_symbols for e in (*sampler.f, *g_y)))
         self.slow_alone = not through_folds and needed.isdisjoint(system.y)
-        self._field = ComplexFunction(
-            [*equations.f, *([] if self.slow_alone else slopes)], system.states, values
-        )
-        self._g_y = ComplexFunction(equations.g_y, system.states, values)
+        slopes = [] if self.slow_alone else [*entries(E, system.x), *entries(E, system.y)]
+        self._field = ComplexFunction([*sampler.f, *slopes], system.states, values)
+        self._g_y = ComplexFunction(g_y, system.states, values)
 
     def rate(self, z: np.ndarray) -> np.ndarray:
         """d(t, x, y)/dtau = (det E_y, f det E_y, -adj(E_y) E_x f), or that over det E_y."""

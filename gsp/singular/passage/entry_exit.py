@@ -20,7 +20,7 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
-from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.failure import PassageError
@@ -228,18 +228,12 @@ class _Passage:
 
 def is_invariant(orbit: SlowOrbit, z: np.ndarray) -> bool:
     """Whether E_y g + epsilon E_x f vanishes at points (m, n) of the branch for epsilon > 0, to rounding."""
-    system, equations = orbit.branch.system, orbit.equations
-    m, n = len(system.x), len(system.y)
-    function = compile_over(system, [*system.f, *system.g, *equations.E_x, *equations.E_y, *equations.g_y])
-    constants = compile_flow(system).constants.copy()
+    system = orbit.branch.system
+    m, slopes, g_y = len(system.x), orbit.slopes(z), orbit.sampler.fast_jacobian(z)
+    E_x, E_y = slopes[:, :, :m], slopes[:, :, m:]
+    rates = compile_over(system, [*system.f, *system.g])
     for epsilon in (0.37, 0.11):
-        p = constants.copy()
-        p[0] = epsilon
-        out = function(z, p)
-        f, g = out[:, :m], out[:, m : m + n]
-        E_x = out[:, m + n : m + n + n * m].reshape(-1, n, m)
-        E_y = out[:, m + n + n * m : m + n + n * m + n * n].reshape(-1, n, n)
-        g_y = out[:, m + n + n * m + n * n :].reshape(-1, n, n)
+        f, g = np.split(rates(z, parameter_vector(system, epsilon)), [m], axis=1)
         drift = np.einsum("kij,kj->ki", E_x, f)
         residual = np.einsum("kij,kj->ki", E_y, g) / epsilon + drift
         scale = np.abs(np.einsum("kij,kj->ki", np.abs(E_x), np.abs(f)))

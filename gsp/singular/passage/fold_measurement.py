@@ -11,6 +11,7 @@ from gsp.algebra.laurent import laurent
 from gsp.critical.common_units import common_units
 from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
+from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.integration.loop import check_tolerances
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
@@ -18,7 +19,7 @@ from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.fold_passage import FoldPassage, omega0
+from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, values_by_name
 
@@ -78,7 +79,7 @@ class AiryFit:
         low, high = self.epsilons.min(), self.epsilons.max()
         return (
             f"fit over {len(self.epsilons)} epsilons from {low:g} to {high:g}\n"
-            f"  Omega_0             {self.omega0:.8f}  (Airy {omega0():.8f}, error {self.omega0 - omega0():.1e})\n"
+            f"  Omega_0             {self.omega0:.8f}  (Airy {OMEGA_0:.8f}, error {self.omega0 - OMEGA_0:.1e})\n"
             f"  epsilon ln epsilon  {self.logarithmic:.6f}  (derived {self.expected_logarithmic:.6f})"
         )
 
@@ -198,14 +199,8 @@ def fit_omega0(
 
 def _slope(passage: FoldPassage) -> np.ndarray:
     """l . g_x at the fold (n_slow,)."""
-    problem = _problem(passage)
     u = np.concatenate([passage.x0, passage.y0])
-    return passage.left @ problem.jacobian(u)[:, : len(passage.system.x)]
-
-
-def _problem(passage: FoldPassage) -> LayerProblem:
-    system = passage.system
-    return LayerProblem(system, system.x, dict(zip(system.parameters, compile_flow(system).constants[1:])))
+    return passage.left @ LayerProblem.over_all(passage.system).jacobian(u)[:, : len(passage.system.x)]
 
 
 def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, float]:
@@ -215,7 +210,7 @@ def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, f
     regular at the fold. Its length is that of (mu, l . eta) in units of the way expected, so that the states' units do
     not enter. The attraction is int |Re lambda| dt, at least FORGOTTEN epsilon where the sheet is long enough.
     """
-    system, problem = passage.system, _problem(passage)
+    system, problem = passage.system, LayerProblem.over_all(passage.system)
     m = len(system.x)
     rates = compile_over(system, [laurent(rate, system.epsilon, order=0).get(0, 0) for rate in system.f])
     p = compile_flow(system).constants

@@ -23,19 +23,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from types import MappingProxyType
 
-import flint
 import numpy as np
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.algebra.precision import precision
 from gsp.critical.continuation.special_points import SpecialPoint, fold_vectors
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton, natural_scales
 from gsp.critical.minimally_augmented import identity, singular_near
 from gsp.fibres.layer_flow import LayerFlow
+from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
@@ -51,13 +49,6 @@ from gsp.systems.system import SlowFastSystem
 NEAR = 1e-2
 # Coefficients count as zero below this, relative to what they are made of, the states in units of their sizes.
 ZERO = 1e-8
-
-
-@lru_cache(maxsize=1)
-def omega0() -> float:
-    """Omega_0 = 2.338..., minus the first zero of Airy's function Ai."""
-    with precision(64):
-        return -float(flint.arb.airy_ai_zero(1).mid())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,7 +87,7 @@ class FoldPassage(Card, Tabular):
 
     def delay(self, epsilon: float) -> float:
         """Slow time between the fold and the escape, to leading order: Omega_0 (ab)^(-1/3) epsilon^(2/3)."""
-        return omega0() * (self.a * self.b) ** (-1.0 / 3.0) * check_epsilon(epsilon) ** (2.0 / 3.0)
+        return OMEGA_0 * (self.a * self.b) ** (-1.0 / 3.0) * check_epsilon(epsilon) ** (2.0 / 3.0)
 
     def exit(self, epsilon: float) -> dict[str, float]:
         """Slow coordinates after the escape, by name, through epsilon ln epsilon; the error is O(epsilon)."""
@@ -112,7 +103,7 @@ class FoldPassage(Card, Tabular):
         names = [s.name for s in self.system.x]
         width = max(map(len, names))
         lines = ["passage through the fold at " + ", ".join(f"{n} = {v:.10g}" for n, v in self.point.items())]
-        lines.append(f"  a = {self.a:.8g}, b = {self.b:.8g}, Omega_0 = {omega0():.12g}")
+        lines.append(f"  a = {self.a:.8g}, b = {self.b:.8g}, Omega_0 = {OMEGA_0:.12g}")
         for name, start, first, second in zip(names, self.x0, self.leading, self.logarithmic):
             terms = f"{start:.8g} {first:+.8g} epsilon^(2/3) {second:+.8g} epsilon ln epsilon"
             lines.append(f"  {name:>{width}} = {terms} + O(epsilon)")
@@ -207,7 +198,7 @@ def passage_at(
     h = np.linalg.solve(bordered, np.append(2.0 * a * r - bending, 0.0))[:n]
     cubic = problem.third(u)(r, r, r) / 6.0
     c = float(left @ (cubic + 0.5 * np.einsum("ijk,j,k->i", second[:, m:, m:], r, h)))
-    leading = f * omega0() * (a * b) ** (-1.0 / 3.0)
+    leading = f * OMEGA_0 * (a * b) ** (-1.0 / 3.0)
     logarithmic = f / b * (b * c / a**2 - d / a) / 3.0
     if m > 1:
         logarithmic = logarithmic - (along - f * d / b) / (6.0 * a)
@@ -239,8 +230,8 @@ def _located(
 ) -> tuple[LayerProblem, np.ndarray, np.ndarray]:
     """The layer problem over all slow variables, the fold next to the given point, polished, and the states' sizes."""
     given = dict(fold.point) if isinstance(fold, SpecialPoint) else values_by_name(fold, what="fold")
-    parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
-    for symbol, value in parameters.items():
+    problem = LayerProblem.over_all(system)
+    for symbol, value in problem.fixed.items():
         if symbol.name in given and given.pop(symbol.name) != value:
             raise PassageError(
                 f"the fold lies at another value of the parameter {symbol}.",
@@ -249,7 +240,6 @@ def _located(
                 value=value,
             )
     u = np.array(complete(given, system.states, what="fold"))
-    problem = LayerProblem(system, system.x, parameters)
     scales = natural_scales(problem, u, box) if sizes is None else np.array(sizes)
     where = _shown(problem.point(u))
     found = None

@@ -29,7 +29,6 @@ from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import GspError
-from gsp.lowering.compiled_flow import compile_flow
 from gsp.roots import root
 from gsp.singular.passage.complex_time import TurningPoint, turning_points
 from gsp.singular.passage.failure import PassageError
@@ -174,7 +173,7 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     """q, p, rho of (1), and lambda where q != 0; what is zero within rounding is 0."""
     system = orbit.branch.system
     m, n = len(system.x), len(system.y)
-    problem = LayerProblem(system, system.x, dict(zip(system.parameters, compile_flow(system).constants[1:])))
+    problem = LayerProblem.over_all(system)
     # All of it with the fast variables in their units; r and l are of the plain length 1 at the end.
     unit = orbit.units[m:]
     g_y = orbit.fast_jacobian(z) * unit / unit[:, None]
@@ -198,13 +197,13 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
         float(l @ cubic), size * float(np.abs(third.values).max(initial=0.0) + np.abs(second).max() ** 2)
     )
     rates = [laurent(g, system.epsilon, order=1).get(1, sp.Integer(0)) for g in system.g]
-    first = orbit.equations.compiled(rates)
+    first, constants = orbit.sampler.compiled(rates), orbit.sampler.p
     moved = orbit.velocity(z)[m:]
     # What rho is made of along the orbit so far: at the loss alone all of it may be small.
-    typical = np.abs(first(path) / unit).max() + max(
+    typical = np.abs(first(path, constants) / unit).max() + max(
         np.abs(orbit.velocity(point)[m:] / unit).max() for point in path[::8]
     )
-    rho = _settled(float(l @ ((first(z[None, :])[0] - moved) / unit)), size * float(typical))
+    rho = _settled(float(l @ ((first(z, constants) - moved) / unit)), size * float(typical))
     length = float(np.linalg.norm(unit * r))
     result = {"q": q / length, "p": p / length**2, "rho": rho * length}
     if q != 0.0:

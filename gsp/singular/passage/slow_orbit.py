@@ -6,22 +6,19 @@ or a pair is born; panels are cut there until what is left does not matter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative
-from gsp.algebra.laurent import laurent
+from gsp.algebra.differentiation import entries, jacobian
 from gsp.critical.branch import Branch
+from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, tail
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.region import Interval, in_units
@@ -32,53 +29,6 @@ from gsp.systems.system import VectorField
 RESOLVED = 2e-14
 # The first panel in units of (1 + |x|)/|f|, x in units.
 FIRST = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class BranchExpressions:
-    """The expressions of one branch: f and g at epsilon = 0, E with {E = 0} the branch, and their derivatives."""
-
-    branch: Branch
-
-    @cached_property
-    def f(self) -> list[sp.Expr]:
-        """Slow rates at epsilon = 0."""
-        system = self.branch.system
-        return [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)) for e in system.f]
-
-    @cached_property
-    def g(self) -> list[sp.Expr]:
-        """Fast rates at epsilon = 0."""
-        system = self.branch.system
-        return [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)) for e in system.g]
-
-    @cached_property
-    def E(self) -> tuple[sp.Expr, ...]:
-        """Equations of the branch that are regular where it is a graph."""
-        graph = self.branch.graph
-        return self.branch.equations if graph is None else tuple(y - h for y, h in graph.items())
-
-    @cached_property
-    def E_x(self) -> sp.Matrix:
-        """dE/dx, (n_fast, n_slow)."""
-        return sp.Matrix([[derivative(e, x) for x in self.branch.system.x] for e in self.E])
-
-    @cached_property
-    def E_y(self) -> sp.Matrix:
-        """dE/dy, (n_fast, n_fast)."""
-        return sp.Matrix([[derivative(e, y) for y in self.branch.system.y] for e in self.E])
-
-    @cached_property
-    def g_y(self) -> list[sp.Expr]:
-        """dg/dy row by row."""
-        return [derivative(g, y) for g in self.g for y in self.branch.system.y]
-
-    def compiled(self, outputs: Sequence[sp.Expr]) -> Callable[[np.ndarray], np.ndarray]:
-        """`outputs` as a function of points (x, y), (m, n)."""
-        system = self.branch.system
-        function = compile_over(system, outputs)
-        constants = compile_flow(system).constants
-        return lambda z: function(z, constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +66,8 @@ def time_to_move(x: np.ndarray, rates: np.ndarray, unit: np.ndarray) -> float:
 class SlowOrbit:
     """The reduced orbit through x (n_slow,) on `branch`, forward in slow time from 0, panel after panel.
 
-    Lengths are in the states' `units` (n,): the branch's own, or those of the start and of `box`.
+    Lengths are in the states' `units` (n,): the branch's own, or those of the start and of `box`. `equations` E vanish
+    on the branch, and are regular where it is a graph; the `sampler` has f, g and their derivatives at epsilon = 0.
     """
 
     def __init__(self, branch: Branch, x: np.ndarray, box: Mapping[str, Interval] | None = None) -> None:
@@ -125,26 +76,27 @@ class SlowOrbit:
         self.end, self.state = 0.0, np.concatenate([x, y])
         self.branch = branch = branch.in_own_units(self.state, box)
         self.units = np.concatenate(branch.scales)
-        self.equations = BranchExpressions(branch)
-        self._g_y = self.equations.compiled(self.equations.g_y)
-        self._f = self.equations.compiled(self.equations.f)
+        self.sampler = sampler = Sampler(branch)
+        graph = branch.graph
+        self.equations = branch.equations if graph is None else tuple(y - h for y, h in graph.items())
+        self._slopes = sampler.compiled(entries(self.equations, system.states))
         self.panels: list[Panel] = []
         unit = branch.scales[0]
         # A slow time in which the orbit gets somewhere, and the largest eigenvalue so far.
-        self.time, self.rate = time_to_move(x, self._f(self.state[None, :])[0], unit), 0.0
+        self.time, self.rate = time_to_move(x, sampler.rates(self.state[None, :])[0, : len(x)], unit), 0.0
         if not np.isfinite(self.time):
             raise PassageError(
                 f"the reduced flow stands still at the start, {self.shown(self.state)}.",
                 "Start where it moves.",
             )
         self._length = FIRST * self.time
-        graph = branch.graph
         fixed = dict(system.parameters)
         if graph is not None:
-            rates = {s: f.xreplace(dict(graph)) for s, f in zip(system.x, self.equations.f)}
+            rates = {s: f.xreplace(dict(graph)) for s, f in zip(system.x, sampler.f)}
         else:
-            moved = self.equations.E_y.LUsolve(self.equations.E_x * sp.Matrix(self.equations.f))
-            rates = {**dict(zip(system.x, self.equations.f)), **{y: -m for y, m in zip(system.y, moved)}}
+            E_x, E_y = (jacobian(self.equations, symbols) for symbols in (system.x, system.y))
+            moved = E_y.LUsolve(E_x * sp.Matrix(sampler.f))
+            rates = {**dict(zip(system.x, sampler.f)), **{y: -m for y, m in zip(system.y, moved)}}
         self._flow = _in_units(VectorField(rates, epsilon=None, parameters=fixed), self.units)
 
     def shown(self, z: np.ndarray) -> str:
@@ -211,12 +163,10 @@ class SlowOrbit:
 
     def velocity(self, z: np.ndarray) -> np.ndarray:
         """(x', y') of the reduced flow at a point (n,) of the branch; `PassageError` where it folds."""
-        m, n = len(self.branch.system.x), len(self.branch.system.y)
-        f = self._f(z[None, :])[0]
-        both = self.equations.compiled([*self.equations.E_x, *self.equations.E_y])(z[None, :])[0]
-        E_x, E_y = both[: n * m].reshape(n, m), both[n * m :].reshape(n, n)
+        m = len(self.branch.system.x)
+        f, slopes = self.sampler.rates(z[None, :])[0, :m], self.slopes(z[None, :])[0]
         try:
-            slope = np.linalg.solve(E_y, E_x @ f)
+            slope = np.linalg.solve(slopes[:, m:], slopes[:, :m] @ f)
         except np.linalg.LinAlgError:
             raise PassageError(
                 "the branch folds where the orbit loses stability, as at a canard point, and what follows is not told.",
@@ -225,10 +175,13 @@ class SlowOrbit:
             ) from None
         return np.concatenate([f, -slope])
 
+    def slopes(self, z: np.ndarray) -> np.ndarray:
+        """(E_x, E_y) at points (k, n): (k, n_fast, n)."""
+        return self._slopes(z, self.sampler.p).reshape(len(z), len(self.equations), -1)
+
     def eigenvalues(self, z: np.ndarray) -> np.ndarray:
         """Eigenvalues of g_y at points (k, n), the rightmost first, conjugates with positive imaginary part first."""
-        n = len(self.branch.system.y)
-        matrices = self._g_y(z).reshape(-1, n, n)
+        matrices = self.sampler.fast_jacobian(z)
         if not np.isfinite(matrices).all():
             raise PassageError(f"the fast Jacobian is not finite along the orbit, near {self.shown(z[0])}.")
         values = np.linalg.eigvals(matrices).astype(complex)
@@ -237,8 +190,7 @@ class SlowOrbit:
 
     def fast_jacobian(self, z: np.ndarray) -> np.ndarray:
         """g_y at one point (n,)."""
-        n = len(self.branch.system.y)
-        return self._g_y(z[None, :])[0].reshape(n, n)
+        return self.sampler.fast_jacobian(z[None, :])[0]
 
     def pieces(self, panel: Panel) -> list[ResolvedPanel]:
         """The rightmost eigenvalue over a panel, cut where its real part has kinks."""
