@@ -67,40 +67,35 @@ class LocalForm:
         self.slow = [f.with_variable(i, image) for f in self.slow]
 
     def rate_of(self, series: LocalSeries) -> LocalSeries:
-        """epsilon times the derivative of a series in the slow variables along the flow, in fast time."""
-        epsilon = self.ring.variable(self.small)
+        """The derivative of a series in the slow variables along the flow, in slow time."""
         total = self.ring.zero
         for i, f in zip(self.slow_at, self.slow):
             total = total + series.derivative(i) * f
-        return epsilon * total
+        return total
+
+    def solved(self, function: LocalSeries, i: int) -> LocalSeries:
+        """Variable i where `function`, which has a slope along it, is put in its place."""
+        ring = self.ring
+        slope, variable, inverse = function.slope(i), ring.variable(i), ring.zero
+        first, rest = ring.scalar(ring.inverse(slope)), function - ring.scalar(slope) * variable
+        # x = (X - the rest of the function at x)/slope, one more degree at each step.
+        for _ in range(ring.degree):
+            inverse = first * (variable - rest.with_variable(i, inverse))
+        return inverse
 
     def shift(self, i: int, by: LocalSeries) -> None:
         """v - `by` for the fast variable i, `by` a series in slow variables and parameters."""
         if by.is_zero:
             return
         self.replace(i, self.ring.variable(i) + by)
-        self.fast[i] = self.fast[i] - self.rate_of(by)
+        self.fast[i] = self.fast[i] - self.ring.variable(self.small) * self.rate_of(by)
         self.linear[i] = self.linear[i] - self.image(by)
 
     def straighten(self, i: int, function: LocalSeries) -> None:
         """Make `function`, with a slope along the slow variable i, the slow variable i itself."""
-        first = self.ring.scalar(self.ring.inverse(function.slope(i)))
-        variable, inverse = self.ring.variable(i), self.ring.zero
         self.linear[i] = self.image(function)
-        # x = (X - the rest of the function at x)/slope, one more degree at each step.
-        rest = function - first_multiple(self.ring, function, i)
-        for _ in range(self.ring.degree):
-            inverse = first * (variable - rest.with_variable(i, inverse))
-        rate = self.ring.zero
-        for j, f in zip(self.slow_at, self.slow):
-            rate = rate + function.derivative(j) * f
-        self.slow[i - len(self.fast)] = rate
-        self.replace(i, inverse)
-
-
-def first_multiple(ring: LocalRing, function: LocalSeries, i: int) -> LocalSeries:
-    """The linear term of `function` in variable i."""
-    return ring.scalar(function.slope(i)) * ring.variable(i)
+        self.slow[i - len(self.fast)] = self.rate_of(function)
+        self.replace(i, self.solved(function, i))
 
 
 def straightened(form: LocalForm) -> LocalForm:
@@ -178,14 +173,9 @@ def _split_squares(form: LocalForm, order: int) -> list[int]:
 def _companion(form: LocalForm) -> None:
     """Make w = G_1(v, w, x, p) at epsilon = 0 the second variable of a block v' = w + ..."""
     function = form.fast[0].without([form.small])
-    first = form.ring.scalar(form.ring.inverse(function.slope(1)))
-    variable, inverse = form.ring.variable(1), form.ring.zero
-    rest = function - first_multiple(form.ring, function, 1)
-    for _ in range(form.ring.degree):
-        inverse = first * (variable - rest.with_variable(1, inverse))
-    rate = form.rate_of(function)
+    rate = form.ring.variable(form.small) * form.rate_of(function)
     for i, g in enumerate(form.fast):
         rate = rate + function.derivative(i) * g
     form.linear[1] = form.image(function)
     form.fast[1] = rate
-    form.replace(1, inverse)
+    form.replace(1, form.solved(function, 1))

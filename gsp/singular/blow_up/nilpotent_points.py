@@ -15,11 +15,9 @@ from gsp.algebra.local_series import BITS, DENOMINATOR
 from gsp.critical.layer_problem import NOTHING, LayerProblem, natural_scales
 from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
-from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
 from gsp.singular.blow_up.local_form import BlowUpError
 from gsp.singular.passage.fold_passage import NEAR
-from gsp.singular.singularities.located_points import locate
+from gsp.singular.singularities.located_points import locate, with_slopes
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem
 
@@ -77,8 +75,7 @@ def _sizes(system: SlowFastSystem, point: np.ndarray) -> dict[sp.Symbol, float]:
     as much in g, whichever is larger. A point that is rounding of 0 tells no size."""
     if (np.abs(point) <= NOTHING).all():
         return dict.fromkeys(system.states, 1.0)
-    constants = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
-    problem, own = LayerProblem(system, system.x, constants), np.eye(len(point), dtype=bool)
+    problem, own = LayerProblem.over_all(system), np.eye(len(point), dtype=bool)
     without = [natural_scales(problem, np.where(row, 0.0, point), {})[row][0] for row in own]
     return dict(zip(system.states, np.maximum(np.abs(point), without).tolist()))
 
@@ -144,13 +141,7 @@ def _reached(
     equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], start: np.ndarray, units: np.ndarray
 ) -> bool:
     """Whether Newton's method finds a real solution near by."""
-    compiled = compile_function([*equations, *jacobian(equations, unknowns)], arguments=unknowns)
-    count = len(equations)
-
-    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        values = compiled(u[None, :], [0.0])[0]
-        return values[:count], values[count:].reshape(count, len(unknowns))
-
+    evaluate = with_slopes(equations, unknowns)
     value, slope = evaluate(start)
     found = gauss_newton(evaluate, start, scales=units, sizes=np.abs(value) + np.abs(slope * units).max(axis=1))
     return found is not None and bool((np.abs(found - start) <= NEAR * units).all())

@@ -8,10 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative, jacobian
+from gsp.algebra.differentiation import derivative
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
 from gsp.roots import roots
+from gsp.singular.singularities.located_points import with_slopes
 
 
 def fold_starts(
@@ -46,13 +47,7 @@ def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[t
 
 def _in_plane(g: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
     """Folds that Newton's method reaches from sizes of x and y."""
-    equations = [g, derivative(g, y)]
-    function = compile_function([*equations, *jacobian(equations, [x, y])], arguments=[x, y])
-
-    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        values = function(u[None, :], [0.0])[0]
-        return values[:2], values[2:].reshape(2, 2)
-
+    evaluate = with_slopes([g, derivative(g, y)], [x, y])
     known: list[np.ndarray] = []
     # In the plane, where M0 is not solved for the slow variable, one a decade.
     for start in itertools.product(_sizes(1), repeat=2):

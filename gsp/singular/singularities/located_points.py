@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import flint
@@ -84,6 +84,19 @@ class Located:
         }
 
 
+def with_slopes(
+    equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol]
+) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """The values (k,) of equations at a point (n,) and their Jacobian (k, n), compiled."""
+    compiled = compile_function([*equations, *jacobian(equations, unknowns)], arguments=unknowns)
+
+    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        values, slopes = np.split(compiled(u[None, :], [0.0])[0], [len(equations)])
+        return values, slopes.reshape(len(equations), -1)
+
+    return evaluate
+
+
 def locate(
     equations: Sequence[sp.Expr],
     unknowns: Sequence[sp.Symbol],
@@ -101,13 +114,7 @@ def locate(
     exact = real_points(equations, unknowns)
     if exact is not None:
         return [Located(equations, unknowns, point, {}) for point in exact]
-    compiled = compile_function([*equations, *jacobian(equations, unknowns)], arguments=unknowns)
-    count = len(equations)
-
-    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        values = compiled(u[None, :], [0.0])[0]
-        return values[:count], values[count:].reshape(count, len(unknowns))
-
+    evaluate = with_slopes(equations, unknowns)
     scales = np.ones(len(unknowns)) if units is None else units
 
     def solve(start: np.ndarray) -> np.ndarray | None:
