@@ -85,11 +85,7 @@ class CriticalPiece:
 
     def again(self, element: RingElement) -> RingElement:
         """A product of residues, as a residue again where an equation is not linear in its main variable."""
-        if self.piece.is_linear:
-            return element.reduced()
-        top, left = self._restrict(element.numerator)
-        found = RingElement(self.whole.ring, top, element.exponents)
-        return (found * RingElement(self.whole.ring, left, ()).inverse()).reduced()
+        return (element if self.piece.is_linear else self._restricted(element)).reduced()
 
     # -- the manifold and the flow on it ------------------------------------------------------------
 

@@ -28,7 +28,7 @@ class Modes:
     @property
     def ends(self) -> np.ndarray:
         """How many modes there are up to the end of each group."""
-        return np.flatnonzero(np.append(np.diff(self.groups), 1)) + 1
+        return ends_of(self.groups)
 
     @property
     def pointers(self) -> np.ndarray:
@@ -40,6 +40,11 @@ class Modes:
         shares = np.add.reduceat(own, np.concatenate([[0], self.ends[:-1]]))
         counts = np.diff(self.ends, prepend=0)
         return (shares / counts[:, None])[self.groups]
+
+
+def ends_of(groups: np.ndarray) -> np.ndarray:
+    """How many modes there are up to the end of each group of neighbours, for their numbers (n,)."""
+    return np.flatnonzero(np.append(np.diff(groups), 1)) + 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from gsp.lowering.compiled_function import compile_over
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scales.conservation import Reactions, conserved_by, reactions_of
-from gsp.scales.modes import Modes, modes_of
+from gsp.scales.modes import Modes, ends_of, modes_of
 from gsp.systems.arguments import check_flag, check_noun, check_positive, check_progress
 from gsp.systems.flow import Flow, Point, Portable, Question, frozen, values_by_name
 from gsp.systems.region import Interval
@@ -81,7 +81,7 @@ class TimeScales(Portable, Drawn, Tabular):
         found = np.zeros(len(self.t), dtype=int)
         tau = self.times
         for i, most in enumerate(self.exhausted):
-            ends = _ends(self.groups[i])
+            ends = ends_of(self.groups[i])
             # Neighbouring rates that are further apart than this are two time scales: a reduction to leading
             # order is off by about the reciprocal.
             wide = [m for m in ends[ends <= most] if m < tau.shape[1] and tau[i, m] >= 10.0 * tau[i, m - 1]]
@@ -305,7 +305,3 @@ def _shares(amounts: np.ndarray) -> np.ndarray:
 
 def _gap(rates: np.ndarray, m: int, slowest: float) -> float:
     return float(abs(rates[m - 1]) / max(abs(rates[m]), slowest)) if m else 1.0
-
-
-def _ends(groups: np.ndarray) -> np.ndarray:
-    return np.flatnonzero(np.append(np.diff(groups), 1)) + 1
