@@ -21,6 +21,7 @@ from gsp.cycles.conditions import proved
 from gsp.cycles.delay import STRIPS, ProvedDelay, delay_field, proved_delay
 from gsp.cycles.enclosed_field import EnclosedField
 from gsp.cycles.outline import Frame, NoOutline, Outline, Outliner, Point
+from gsp.cycles.passage_outline import strip_between
 from gsp.cycles.sectors import NotProved, Turn
 from gsp.errors import GspError
 from gsp.proofs import balls
@@ -203,15 +204,7 @@ class _CircuitOutliner(Outliner):
         lines = [
             line.cut(1, first * axis.fast, axis.fast).cut(0, second * sheet.fast, sheet.fast) for line in lines
         ]
-        cuts = [
-            (0, 0),
-            *zip(*(line.cuts for line in lines)),
-            (len(lines[0].points) - 1, len(lines[1].points) - 1),
-        ]
-        first_line, second_line = (np.array(line.points) for line in lines)
-        if sheet.slow * sheet.fast < 0.0:
-            first_line, second_line, cuts = second_line, first_line, [cut[::-1] for cut in cuts]
-        found = Strip(first_line, second_line, tuple((int(o), int(i)) for o, i in cuts), slow_first=False)
+        found = strip_between(sheet, lines, slow_first=False)
         if min(np.abs(line[:, 1]).min() for line in (found.outer, found.inner)) < self.width:
             raise NoOutline("the strip comes into the tube")
         return found

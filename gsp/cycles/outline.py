@@ -283,13 +283,17 @@ class Outliner:
 
     def _room(self, frame: Frame) -> float:
         """How far before the fold the repelling sheet has gone a quarter of the way on which f > 0 beyond the fold."""
-        line = frame.fold + np.linspace(0.0, 1.0, 1025)[:, None] * [0.0, frame.sizes[1]]
-        f = self._at(frame, line)[0, : len(line)]
-        way = line[int(np.argmax(f < 0.0)) if (f < 0.0).any() else -1, 1] - frame.fold[1]
+        way = self.way_up(frame)
         if not way > 0.0:
             raise NoOutline("the slow rate changes its sign at a fold")
         values = self.field.nearby([frame.fold * frame.signs], self.epsilon)[:, 0]
         return float(abs(values[6] / (2.0 * values[4])) * (0.25 * way) ** 2)
+
+    def way_up(self, frame: Frame) -> float:
+        """How far above the fold the slow rate turns; the whole jump where it does not before."""
+        line = frame.fold + np.linspace(0.0, 1.0, 1025)[:, None] * [0.0, frame.sizes[1]]
+        f = self._at(frame, line)[0, : len(line)]
+        return float(line[int(np.argmax(f < 0.0)) if (f < 0.0).any() else -1, 1] - frame.fold[1])
 
     # -- cuts --------------------------------------------------------------------------------------
 

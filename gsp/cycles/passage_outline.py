@@ -36,7 +36,8 @@ def fold_strip(field: EnclosedField, frame: Frame, epsilon: float) -> Strip:
     """From the beginning of the frame's sheet to half way up the jump; raises `NoOutline`."""
     outliner = Outliner(field, [frame], epsilon)
     begin = float(frame.fold[0] - frame.sizes[0])
-    level = _level(outliner, frame)
+    # Half way up the jump, or up to where the slow rate turns if that comes first.
+    level = float(frame.fold[1]) + 0.5 * outliner.way_up(frame)
     lines = []
     for side in (-1.0, 1.0):
         outline = Outline([])
@@ -56,18 +57,17 @@ def fold_strip(field: EnclosedField, frame: Frame, epsilon: float) -> Strip:
     raise NoOutline("the repelling sheet is in the way of every cut")
 
 
-def _level(outliner: Outliner, frame: Frame) -> float:
-    """Half way up the jump, or up to where the slow rate turns if that comes first."""
-    line = frame.fold + np.linspace(0.0, 1.0, 1025)[:, None] * [0.0, frame.sizes[1]]
-    f = outliner._at(frame, line)[0, : len(line)]
-    turns = int(np.argmax(f < 0.0)) if (f < 0.0).any() else len(line) - 1
-    return float(frame.fold[1] + 0.5 * (line[turns, 1] - frame.fold[1]))
-
-
 def _assembled(frame: Frame, lines: list[Outline], *levels: float, cornered: bool = False) -> Strip:
     """A strip between a lower and an upper line, with cuts at levels of Y."""
     for level in levels:
         lines = [line.cut(0, level * frame.fast, frame.fast) for line in lines]
+    return strip_between(frame, lines, cornered=cornered)
+
+
+def strip_between(
+    frame: Frame, lines: list[Outline], *, slow_first: bool = True, cornered: bool = False
+) -> Strip:
+    """A strip between a lower and an upper line with their cuts, and those that join their ends."""
     cuts = [
         (0, 0), *zip(*(line.cuts for line in lines)), (len(lines[0].points) - 1, len(lines[1].points) - 1)
     ]  # fmt: skip
@@ -75,7 +75,7 @@ def _assembled(frame: Frame, lines: list[Outline], *levels: float, cornered: boo
     # Turned over, it is the upper line that has the strip on its left.
     if frame.slow * frame.fast < 0.0:
         lower, upper, cuts = upper, lower, [cut[::-1] for cut in cuts]
-    return Strip(lower, upper, tuple((int(o), int(i)) for o, i in cuts), cornered=cornered)
+    return Strip(lower, upper, tuple((int(o), int(i)) for o, i in cuts), slow_first, cornered)
 
 
 @dataclass(frozen=True)
