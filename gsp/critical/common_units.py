@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from gsp.critical.layer_problem import NOTHING, LayerProblem, natural_scales
-from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.region import Interval, powers_of_two
 from gsp.systems.system import SlowFastSystem
 
@@ -39,7 +38,5 @@ def own_sizes(
     The last counts where one at the point is nothing beside it, and those at the point only `above` a number where g
     does not tell.
     """
-    parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
-    problem = LayerProblem(system, system.x, parameters)
     with np.errstate(all="ignore"):
-        return natural_scales(problem, point, bounds or {}, above=above)
+        return natural_scales(LayerProblem.over_all(system), point, bounds or {}, above=above)

@@ -163,8 +163,7 @@ def _between_fields(system: SlowFastSystem, x: np.ndarray, y: np.ndarray) -> dic
 
     Far off nothing leads to where the field slides, at 0 all does.
     """
-    fixed = dict(zip(system.parameters, compile_flow(system).constants[1:].tolist()))
-    problem, u = LayerProblem(system, system.x, fixed), np.concatenate([x, y])
+    problem, u = LayerProblem.over_all(system), np.concatenate([x, y])
     moved = u.copy()
     for column in range(len(x), len(u)):
         if saturates(problem, u, column):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -34,8 +34,7 @@ class Sampler:
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
         self.system = branch.system
-        epsilon = self.system.epsilon
-        zero = sp.Integer(0)
+        epsilon, zero = self.system.epsilon, sp.Integer(0)
         self.f = [laurent(e, epsilon, order=0).get(0, zero) for e in self.system.f]
         self.g = [laurent(e, epsilon, order=0).get(0, zero) for e in self.system.g]
         self.p = compile_flow(self.system).constants
@@ -103,6 +102,28 @@ class Sampler:
             if start is None:
                 return self.branch.follow(x, allowance=allowance)
             return self.branch.follow(x, start=(start[:, :nx], start[:, nx:]), allowance=allowance)
+
+    def bisected(
+        self,
+        a: np.ndarray,
+        b: np.ndarray,
+        is_like: Callable[[np.ndarray], np.ndarray],
+        *,
+        halvings: int = np.finfo(float).nmant,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The last points (m, n) of sheets on the way from `a` (m, n) to the slow points of `b` that are like their a,
+        as `is_like` says of points (m, n), and the next ones; those of b where the sheet has none.
+        """
+        nx = len(self.system.x)
+        low, high_x, beyond = a.copy(), b[:, :nx].copy(), b.copy()
+        for _ in range(halvings):
+            x = 0.5 * (low[:, :nx] + high_x)
+            y, good = self.over(x, low)
+            z = np.hstack([x, np.nan_to_num(y)])
+            same = good & is_like(z)
+            low[same], high_x[~same] = z[same], x[~same]
+            beyond[good & ~same] = z[good & ~same]
+        return low, beyond
 
     def links(self, z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pairs (a, b), each (m, n), of points on one sheet over neighbouring rows of `x`."""

@@ -78,10 +78,12 @@ def _decomposed(matrices: np.ndarray) -> Iterator[Any]:
 
 
 def _sign(factors) -> float:
+    from sympy.combinatorics import Permutation
+
     if factors is None:
         return 0.0
-    swaps = sum(len(order) - len(_cycles(order)) for order in (factors.perm_r, factors.perm_c))
-    return float(np.prod(np.sign(factors.U.diagonal()))) * (-1.0) ** swaps
+    turns = [Permutation(order.tolist()).signature() for order in (factors.perm_r, factors.perm_c)]
+    return float(np.prod(np.sign(factors.U.diagonal())) * np.prod(turns))
 
 
 def solve_each(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -177,16 +179,3 @@ def place(system: SlowFastSystem, point: Point) -> tuple[np.ndarray, np.ndarray]
     """(x, y) of a point that names every state; raises `DeclarationError` otherwise."""
     values = np.array(complete(point, system.states, what="point"))
     return values[: len(system.x)], values[len(system.x) :]
-
-
-def _cycles(order: np.ndarray) -> list[int]:
-    """The lengths of the cycles of a permutation (n,)."""
-    lengths, seen = [], np.zeros(len(order), dtype=bool)
-    for first in range(len(order)):
-        length, k = 0, first
-        while not seen[k]:
-            seen[k] = True
-            length, k = length + 1, order[k]
-        if length:
-            lengths.append(length)
-    return lengths

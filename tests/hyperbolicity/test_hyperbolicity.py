@@ -122,7 +122,7 @@ def test_only_the_sheet_that_runs_into_a_fold_owns_it() -> None:
     fold = np.array([-2 / 3, 1.0])
     for start, owned in ((1.7, True), (0.1, True), (-1.7, False)):
         sheet = branch.through({"y": 0, "x": start})
-        locator = Locator(Sampler(sheet), {"y": (-1, 1)}, 1.0, samples=np.array([[0.0, start]]))
+        locator = Locator(Sampler(sheet), {"y": (-1, 1)}, 1.0, usual=1.0, samples=np.array([[0.0, start]]))
         sample = np.array([0.0, sheet.points(0.0)[0]])
         assert locator._on_sheet(fold, sample) is owned
 

@@ -103,6 +103,13 @@ def pair_test(eigenvalues: np.ndarray) -> np.ndarray:
     return np.prod(sums, axis=1).real
 
 
+def most_opposite(eigenvalues: np.ndarray) -> tuple[complex, complex]:
+    """The two of the eigenvalues (n,) whose sum is nearest to zero."""
+    i, j = np.triu_indices(len(eigenvalues), 1)
+    closest = int(np.argmin(np.abs(eigenvalues[i] + eigenvalues[j])))
+    return complex(eigenvalues[i[closest]]), complex(eigenvalues[j[closest]])
+
+
 def polished(tracer: PointTracer, problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> np.ndarray:
     """The point next to u where `of`(g_y) is singular, by Newton's method; u itself when that leads away."""
     try:
@@ -186,9 +193,7 @@ def fold_coefficient(system: Singular, u: np.ndarray) -> float:
 def pair_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray) -> SpecialPoint | None:
     """Hopf point, neutral saddle or double zero at u, where two eigenvalues have the sum zero."""
     values = problem.eigenvalues(u[None, :])[0]
-    i, j = np.triu_indices(len(values), 1)
-    closest = int(np.argmin(np.abs(values[i] + values[j])))
-    first, second = values[i[closest]], values[j[closest]]
+    first, second = most_opposite(values)
     largest = float(np.abs(values).max())
     if largest == 0.0 or abs(first + second) > 1e-4 * largest:
         return None

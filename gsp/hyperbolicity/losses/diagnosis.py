@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsp.algebra.differentiation import derivative
+from gsp.algebra.differentiation import entries
 from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
@@ -73,8 +73,7 @@ class Diagnosis:
     ) -> None:
         self.sampler, self.box, self.scale = sampler, box, scale
         system = sampler.system
-        fixed = dict(zip(system.parameters, map(float, sampler.p[1:])))
-        self.problem = LayerProblem(system, tuple(system.x), fixed)
+        self.problem = LayerProblem.over_all(system)
         self.nx = len(system.x)
         self.widths = np.array([box[s.name][1] - box[s.name][0] for s in system.x])
         chosen = np.linspace(0, len(samples) - 1, min(len(samples), 65)).astype(int)
@@ -91,10 +90,14 @@ class Diagnosis:
         return matrices * (units / units[:, None])
 
     @cached_property
-    def _rates(self):
+    def _push(self):
+        """g_1 of g = g_0 + epsilon g_1 + ..."""
         epsilon = self.sampler.system.epsilon
-        push = [laurent(g, epsilon, order=1).get(1, 0 * epsilon) for g in self.sampler.system.g]
-        return self.sampler.compiled([*self.sampler.f, *push])
+        return [laurent(g, epsilon, order=1).get(1, 0 * epsilon) for g in self.sampler.system.g]
+
+    @cached_property
+    def _rates(self):
+        return self.sampler.compiled([*self.sampler.f, *self._push])
 
     @cached_property
     def fastest(self) -> np.ndarray:
@@ -118,10 +121,8 @@ class Diagnosis:
 
     def push_jacobian(self, z: np.ndarray) -> np.ndarray:
         """dg_1/dy at z (n_fast, n_fast), g = g_0 + epsilon g_1 + ..."""
-        system = self.sampler.system
-        push = [laurent(g, system.epsilon, order=1).get(1, 0 * system.epsilon) for g in system.g]
-        entries = self.sampler.compiled([derivative(e, y) for e in push for y in system.y])
-        return entries(z, self.sampler.p).reshape(len(system.y), -1)
+        fast = self.sampler.system.y
+        return self.sampler.compiled(entries(self._push, fast))(z, self.sampler.p).reshape(len(fast), -1)
 
     def loss(
         self,

@@ -102,15 +102,11 @@ def _least(diagnosis: Diagnosis, z: np.ndarray) -> float:
 
 def _end(diagnosis: Diagnosis, low: np.ndarray, high_x: np.ndarray) -> np.ndarray:
     """The last point of the sheet of `low` on the way to `high_x`, by bisection."""
-    nx = diagnosis.nx
-    for _ in range(24):
-        x = 0.5 * (low[:nx] + high_x)
-        y, good = diagnosis.sampler.over(x[None, :], low[None, :])
-        if good[0]:
-            low = np.concatenate([x, y[0]])
-        else:
-            high_x = x
-    return low
+    target = np.append(high_x, low[diagnosis.nx :])
+    ends, _ = diagnosis.sampler.bisected(
+        low[None, :], target[None, :], lambda z: np.ones(len(z), dtype=bool), halvings=24
+    )
+    return ends[0]
 
 
 def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gsp.critical.continuation.special_points import pair_test
+from gsp.critical.continuation.special_points import most_opposite, pair_test
 from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import Allowance
 from gsp.hyperbolicity.losses.diagnosis import Found
@@ -28,7 +28,6 @@ LOCATED = 24
 ZERO_TOLERANCE = 1e-9
 # A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
 INFINITE = 1e6
-BISECTIONS = np.finfo(float).nmant
 # Two losses nearer than this, relative to the region's width, are one, and a jump there is the surface's.
 SAME = 1e-6
 # Continuation steps that one search for the least gap may take. A point that the sheet reaches costs one to 21, one
@@ -48,13 +47,13 @@ class Locator:
         scale: float,
         *,
         samples: np.ndarray,
-        usual: float | None = None,
+        usual: float,
     ) -> None:
         self.sampler = sampler
         self.box = box
         # The largest |lambda|, and the size that the one nearest to the axis has on most of the branch.
         self.scale = scale
-        self.usual = scale if usual is None else usual
+        self.usual = usual
         # Units of the states, by the region and the samples: volts and shares of channels have no common length.
         widths = [box[s.name][1] - box[s.name][0] for s in sampler.system.x]
         self.units = np.append(widths, sampler.fast_lengths(samples))
@@ -193,21 +192,14 @@ class Locator:
 
     def changes(self, a: np.ndarray, b: np.ndarray) -> None:
         """Every change of type between linked points a and b (m, n), by bisection in x."""
-        sampler, nx = self.sampler, len(self.sampler.system.x)
-        low = a.copy()
-        high_x = b[:, :nx].copy()
+        sampler = self.sampler
         count = unstable(sampler.eigenvalues(a))
-        last = b.copy()
-        for _ in range(BISECTIONS):
-            x = 0.5 * (low[:, :nx] + high_x)
-            y, good = sampler.over(x, low)
-            z = np.hstack([x, y])
-            values = np.where(good[:, None], sampler.eigenvalues(np.nan_to_num(z)), np.nan)
-            same = good & (unstable(values) == count) & np.isfinite(values).all(axis=1)
-            low[same] = z[same]
-            high_x[~same] = x[~same]
-            last[~same & good] = z[~same & good]
-        for before, after, from_ in zip(low, last, a):
+
+        def is_like(z: np.ndarray) -> np.ndarray:
+            values = sampler.eigenvalues(z)
+            return (unstable(values) == count) & np.isfinite(values).all(axis=1)
+
+        for before, after, from_ in zip(*sampler.bisected(a, b, is_like), a):
             values = np.array([sampler.eigenvalues(z[None, :])[0] for z in (from_, before, after)])
             if np.linalg.norm(before / self.units) > INFINITE * (1.0 + np.linalg.norm(from_ / self.units)):
                 self.add(before, Contact.BRANCH_POLE, only_x=True)
@@ -225,7 +217,7 @@ class Locator:
 
     def sums(self, a: np.ndarray, b: np.ndarray) -> list[Found]:
         """Neutral saddles between linked points a and b (m, n) of one type: real eigenvalues whose sum is zero."""
-        sampler, nx = self.sampler, len(self.sampler.system.x)
+        sampler = self.sampler
         if len(sampler.system.y) < 2 or not len(a):
             return []
         before, after = sampler.eigenvalues(a), sampler.eigenvalues(b)
@@ -238,24 +230,16 @@ class Locator:
         tests = pair_test(before), pair_test(after)
         zero = np.flatnonzero(same & (np.abs(tests[0]) <= ZERO_TOLERANCE))
         found = [a[i] for i in zero[:SUMS]]
-        for i in np.flatnonzero(same & (tests[0] * tests[1] < 0.0))[: SUMS - len(found)]:
-            low, high_x = a[i], b[i, :nx]
-            for _ in range(BISECTIONS):
-                x = 0.5 * (low[:nx] + high_x)
-                y, good = sampler.over(x[None, :], low[None, :])
-                z = np.concatenate([x, y[0]])
-                if good[0] and pair_test(sampler.eigenvalues(z[None, :]))[0] * tests[0][i] > 0.0:
-                    low = z
-                else:
-                    high_x = x
-            found.append(low)
+        rows = np.flatnonzero(same & (tests[0] * tests[1] < 0.0))[: SUMS - len(found)]
+        signs = np.sign(tests[0][rows])
+        saddles, _ = sampler.bisected(
+            a[rows], b[rows], lambda z: pair_test(sampler.eigenvalues(z)) * signs > 0.0
+        )
+        found += [*saddles]
         return [Found(z, Contact.SUM) for z in found if self._is_neutral_saddle(z)]
 
     def _is_neutral_saddle(self, z: np.ndarray) -> bool:
-        values = self.sampler.eigenvalues(z[None, :])[0]
-        i, j = np.triu_indices(len(values), 1)
-        closest = int(np.argmin(np.abs(values[i] + values[j])))
-        first, second = values[i[closest]], values[j[closest]]
+        first, second = most_opposite(self.sampler.eigenvalues(z[None, :])[0])
         real = max(abs(first.imag), abs(second.imag)) <= 1e-6 * self.scale
         small = abs(first + second) <= 1e-6 * self.scale
         return bool(real and small and min(abs(first), abs(second)) > 1e-6 * self.scale)

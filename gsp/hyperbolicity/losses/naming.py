@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gsp.critical.continuation.special_points import most_opposite
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.normal_forms import ZERO_TERM, first_lyapunov
 from gsp.hyperbolicity.losses import consequences
@@ -26,10 +27,7 @@ def name_loss(diagnosis: Diagnosis, found: Found) -> Loss:
     if crossing is Contact.PAIR:
         return pair(diagnosis, z)
     if crossing is Contact.SUM:
-        values = diagnosis.sampler.eigenvalues(z[None, :])[0]
-        i, j = np.triu_indices(len(values), 1)
-        closest = int(np.argmin(np.abs(values[i] + values[j])))
-        total = float(abs(values[i[closest]] + values[j[closest]]))
+        total = float(abs(sum(most_opposite(diagnosis.sampler.eigenvalues(z[None, :])[0]))))
         return diagnosis.loss(
             z,
             crossing,

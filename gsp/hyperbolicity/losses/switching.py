@@ -77,15 +77,9 @@ def _located(
 
 def _bisected(diagnosis: Diagnosis, values, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Zeros of the switching function between linked points of one sheet, by bisection in x."""
-    sampler, nx = diagnosis.sampler, diagnosis.nx
-    low, high_x, sign = a.copy(), b[:, :nx].copy(), np.sign(values(a))
-    for _ in range(np.finfo(float).nmant):
-        x = 0.5 * (low[:, :nx] + high_x)
-        y, good = sampler.over(x, low)
-        z = np.hstack([x, np.nan_to_num(y)])
-        same = good & (np.sign(values(z)) == sign)
-        low[same], high_x[~same] = z[same], x[~same]
-    return low[sampler.inside(low, diagnosis.box)]
+    sampler, sign = diagnosis.sampler, np.sign(values(a))
+    found, _ = sampler.bisected(a, b, lambda z: np.sign(values(z)) == sign)
+    return found[sampler.inside(found, diagnosis.box)]
 
 
 def _touched(diagnosis: Diagnosis, switch: SwitchingFunction, values, starts: np.ndarray) -> np.ndarray:
