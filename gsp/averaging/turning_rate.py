@@ -10,7 +10,7 @@ from flint import arb
 from gsp.errors import SplittingError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
-from gsp.systems.flow import Values
+from gsp.systems.flow import Values, in_words
 from gsp.systems.region import Interval, shown_region
 
 # Boxes that are looked at, a few milliseconds: a rate that comes near 0 averages badly anyway.
@@ -38,7 +38,7 @@ def require_turning(
         signs.add(_sign(*function([balls.exact(m) for m in middle])))
         if len(signs) > 1 or None in signs or count > MOST_BOXES:
             met = "is 0 or changes its sign" if count <= MOST_BOXES else "comes near 0, or may do so,"
-            where = ", ".join(f"{s} = {m:.6g}" for s, m in zip(symbols, middle))
+            where = in_words(zip(symbols, middle))
             raise SplittingError(
                 f"the phase {phase} turns at omega = {omega}, which {met} over the region {shown_region(region)}"
                 f"{f', near {where}' if where else ''}: there it is no fast phase.",

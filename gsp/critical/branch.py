@@ -33,7 +33,7 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
 from gsp.results.tex import tex
-from gsp.systems.flow import Point, Portable, as_points
+from gsp.systems.flow import Point, Portable, as_points, in_words
 from gsp.systems.region import Interval, check_region, in_units, powers_of_two, state_sizes
 from gsp.systems.system import SlowFastSystem
 
@@ -255,8 +255,7 @@ class Branch(Portable, Card):
         # Even the root of a pole is that large where so little of the way is left.
         if np.abs(y[0]).max() > LEAST_SHARE**-0.5:
             return f"{begun} goes to infinity at {end} and has no point"
-        fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0] * uy))
-        return f"{begun} ends at {end}, {fast} (a fold?) and has no point"
+        return f"{begun} ends at {end}, {in_words(zip(self.system.y, y[0] * uy))} (a fold?) and has no point"
 
     @property
     def _continuation(self) -> SheetContinuation:
@@ -390,7 +389,7 @@ class Branch(Portable, Card):
         return found[good]
 
     def _shown(self, point: np.ndarray) -> str:
-        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, point))
+        return in_words(zip(self.system.x, point))
 
     def _require(self, good: np.ndarray, x: np.ndarray, fact: str) -> None:
         if not good.all():

@@ -22,7 +22,7 @@ from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.arguments import shown
-from gsp.systems.flow import Point, check_given, values_by_name
+from gsp.systems.flow import Point, check_given, in_words, values_by_name
 from gsp.systems.region import Interval, check_interval
 from gsp.systems.system import SlowFastSystem
 
@@ -282,12 +282,11 @@ def corrected_start(problem: LayerProblem, u: np.ndarray, scales: np.ndarray, to
     if found is None or np.abs((found - u) / scales).max() > 1.0:
         found = least_norm_newton(problem, u, scales, tolerance)
     if found is None:
-        at = ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(u).items())
         size = ", ".join(f"{value:.3g}" for value in problem.residual(u))
         raise BranchError(
             "start is not on the critical manifold and Newton's method found no point of it nearby.",
             "Give a point with g(x, y, 0) near 0; solve_critical(system) has some.",
-            got=f"{at}, where g = {size}",
+            got=f"{in_words(problem.point(u))}, where g = {size}",
         )
     return found
 

@@ -13,6 +13,7 @@ from gsp.critical.sampling import Sampler
 from gsp.critical.slow_metric import least_metric
 from gsp.errors import BranchError
 from gsp.hyperbolicity.losses.shrinking import LEAST, TRIED, SubRegion
+from gsp.systems.flow import in_words
 from gsp.systems.region import Interval, with_sides
 
 
@@ -33,7 +34,7 @@ class Shortfall:
     parts: tuple[tuple[str, Interval], ...]
 
     def __str__(self) -> str:
-        at = ", ".join(f"{name} = {value:.4g}" for name, value in self.point.items())
+        at = in_words(self.point, 4)
         # Components of a direction below this share of the largest, in widths of the region, are left out.
         along = ", ".join(f"{name} {share:.2g}" for name, share in self.direction.items() if abs(share) >= 0.05)
         what = "part" if self.rate > 0.0 else "approach"

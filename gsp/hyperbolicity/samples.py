@@ -19,7 +19,7 @@ from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.saturation import named_by_switch
 from gsp.hyperbolicity.losses.whole_branch import singular_points
-from gsp.systems.flow import LARGEST
+from gsp.systems.flow import LARGEST, in_words
 from gsp.systems.region import ImageBox, Interval, shown_region
 
 
@@ -129,7 +129,7 @@ def _nothing_inside(branch: Branch, box: Mapping[str, Interval]) -> BranchError:
             "Move the region, or take another branch.",
         )
     values = (*branch.seed[0], *branch.seed[1])
-    through = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(branch.system.states, values))
+    through = in_words(zip(branch.system.states, values))
     return BranchError(
         f"the sheet of the branch {branch} through {through}, to which the run from the start belongs, has no point in "
         f"the region {shown_region(box)}.",
@@ -142,7 +142,7 @@ def refuse_beyond_doubles(branch: Branch, z: np.ndarray, box: Mapping[str, Inter
     place, k = np.unravel_index(np.argmax(np.where(np.isfinite(z), np.abs(z), 0.0)), z.shape)
     if abs(z[place, k]) > LARGEST:
         names = [s.name for s in branch.system.states]
-        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, z[place]))
+        at = in_words(zip(names, z[place]))
         raise BranchError(
             f"the branch {branch} reaches beyond {LARGEST:g} in the region {shown_region(box)}: {at}.",
             f"Rescale {names[k]}, or bound it in the region.",

@@ -22,7 +22,7 @@ from gsp.results.tabular import Tabular
 from gsp.roots import root
 from gsp.sliding.between import enclosed, run_to_event
 from gsp.sliding.law import LawEndKind, SwitchLaw
-from gsp.systems.flow import Point, Values, check_epsilon, values_by_name
+from gsp.systems.flow import Point, Values, check_epsilon, in_words, values_by_name
 from gsp.systems.system import VectorField
 
 # Runs are looked at so often in each step; a start slips above this share of its fastest velocity.
@@ -124,7 +124,7 @@ class NoSlip(Drawn, Tabular):
         if self.loss is not None:
             assert self.contact is not None
             assert self.place is not None
-            where = ", ".join(f"{name} = {value:.6g}" for name, value in self.place.items())
+            where = in_words(self.place)
             return (
                 f"No-slip fails at t = {self.time:.8g}, where {where}: the contact of {self.names[self.contact]} "
                 f"is asked for {self._asked} ({self.loss}). From there on it slips."

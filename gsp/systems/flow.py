@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from math import isfinite
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -192,6 +193,12 @@ def values_by_name(values: Point, *, what: str) -> dict[str, float]:
             raise DeclarationError(f"{what} gives {name} the value {shown(value)}, which is no real number.")
         result[name] = number
     return result
+
+
+def in_words(values: Mapping[Any, float] | Iterable[tuple[Any, float]], digits: int = 6) -> str:
+    """Numbers by name, or by symbol, in a line of text, such as "x = 0.5, y = -1"."""
+    pairs = values.items() if isinstance(values, Mapping) else values
+    return ", ".join(f"{getattr(name, 'name', name)} = {value:.{digits}g}" for name, value in pairs)
 
 
 def check_epsilon(value: float, *, what: str = "epsilon") -> float:

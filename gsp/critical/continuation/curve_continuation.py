@@ -31,7 +31,7 @@ from gsp.systems.arguments import (
     check_whole,
     shown,
 )
-from gsp.systems.flow import Point
+from gsp.systems.flow import Point, in_words
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem
 
@@ -84,7 +84,7 @@ def continue_critical(
     check_inside(problem, u, box, "the point of M0 next to start")
     if not np.isfinite(problem.jacobian(u)).all():
         raise BranchError(
-            "g has no finite derivatives at start.", "Start beside that point.", got=_shown(problem, u)
+            "g has no finite derivatives at start.", "Start beside that point.", got=in_words(problem.point(u))
         )
     options = Options(box, controls)
     tracer = _tracer(problem, options, scales, progress)
@@ -93,7 +93,7 @@ def continue_critical(
         raise BranchError(
             "start is a branch point, where the curve has no one tangent.",
             "Start beside it, and switch_branches=True finds the curves that cross there.",
-            got=_shown(problem, u),
+            got=in_words(problem.point(u)),
         )
     tangent = oriented(tangent, VERTICAL, direction)
     curve = _continued(problem, options, tracer, u, tangent, both=direction == 0, at_crossing=False)
@@ -129,7 +129,7 @@ def switch_branch(
         raise DeclarationError(
             "a curve can be switched at a branch point with two tangents.",
             "Take a transcritical point or a pitchfork.",
-            got=f"a {point.kind} at {_shown(curve.problem, point.unknowns)}",
+            got=f"a {point.kind} at {in_words(curve.problem.point(point.unknowns))}",
         )
     problem, options = curve.problem, curve.options
     scales = np.array([curve.scales[s.name] for s in problem.unknowns])
@@ -184,10 +184,6 @@ def check_inside(problem: LayerProblem, u: np.ndarray, bounds: Mapping[str, Inte
                 value=float(value),
                 point=dict(zip((s.name for s in problem.unknowns), map(float, u))),
             )
-
-
-def _shown(problem: LayerProblem, u: np.ndarray) -> str:
-    return ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(u).items())
 
 
 # -- the curve -------------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ from gsp.errors import BranchError, DeclarationError
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_each, check_noun, check_one_of, check_progress
-from gsp.systems.flow import Point
+from gsp.systems.flow import Point, in_words
 from gsp.systems.system import SlowFastSystem
 
 
@@ -177,12 +177,11 @@ def _corrected_fold(
             found = least_norm_newton(singular_near(problem, identity, found, scales), found, scales, tolerance)
         if found is not None:
             return found
-    at = ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(guess).items())
     values = ", ".join(f"{value:.3g}" for value in problem.eigenvalues(guess[None, :])[0])
     raise BranchError(
         "Newton's method found no fold near start.",
         "Give a point near one; continue_critical finds the folds on a curve.",
-        got=f"{at}, where g_y has the eigenvalues {values}",
+        got=f"{in_words(problem.point(guess))}, where g_y has the eigenvalues {values}",
     )
 
 

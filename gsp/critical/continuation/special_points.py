@@ -18,6 +18,7 @@ from gsp.critical.minimally_augmented import MatrixMap, Singular, singular_near
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
 from gsp.critical.saturation import saturates
 from gsp.results.card import Card
+from gsp.systems.flow import in_words
 from gsp.systems.region import Interval, is_within
 
 # An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
@@ -61,11 +62,10 @@ class SpecialPoint(Card):
         return is_within(self.point, region)
 
     def __str__(self) -> str:
-        place = ", ".join(f"{name} = {value:.10g}" for name, value in self.point.items())
         # That of a loss is along the slow flow.
         names = {"crossing": "crossing along the curve"}
         rest = ", ".join(f"{names.get(n, n)} = {value:.6g}" for n, value in self.coefficients.items())
-        return f"{self.kind} at {place}" + (f" ({rest})" if rest else "")
+        return f"{self.kind} at {in_words(self.point, 10)}" + (f" ({rest})" if rest else "")
 
     def __repr__(self) -> str:
         return f"SpecialPoint({self})"

@@ -9,6 +9,7 @@ from fractions import Fraction
 
 from gsp.critical.loss_kind import LossKind
 from gsp.results.card import Card
+from gsp.systems.flow import in_words
 
 
 class Contact(StrEnum):
@@ -109,10 +110,9 @@ class Loss(Card):
     @property
     def headline(self) -> str:
         """Kind and place, in one line."""
-        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
         many = f", one of {self.samples} samples of it" if self.samples > 1 else ""
         edge = ", on the edge of the region" if self.on_edge else ""
-        return f"{self.kind}: {self.crossing} at {place}{many}{edge}"
+        return f"{self.kind}: {self.crossing} at {in_words(self.point)}{many}{edge}"
 
     def __repr__(self) -> str:
         return f"Loss({self.headline})"
@@ -120,7 +120,7 @@ class Loss(Card):
     def __str__(self) -> str:
         rows = [("test", f"{self.test} = {self.value:.3g}, eigenvalue {self.eigenvalue:.3g}")]
         if self.coefficients:
-            shown = ", ".join(f"{name} = {value:.6g}" for name, value in self.coefficients.items())
+            shown = in_words(self.coefficients)
             rows.append(("decided by", shown))
         if self.note:
             rows.append(("note", self.note))

@@ -12,6 +12,7 @@ from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler, grid
 from gsp.errors import BranchError
 from gsp.hyperbolicity.losses.kinds import Loss
+from gsp.systems.flow import in_words
 from gsp.systems.region import Interval, with_sides
 
 # Share of a part that is left free next to a loss, parts tried, and the least share of the region worth naming.
@@ -37,7 +38,7 @@ class SubRegion:
         low, high = self.interval
         sheet = ""
         if self.through:
-            sheet = " on the sheet through " + ", ".join(f"{n} = {v:.4g}" for n, v in self.through.items())
+            sheet = " on the sheet through " + in_words(self.through, 4)
         return f"for {self.axis} in [{low:.6g}, {high:.6g}]{sheet} ({self.kind})"
 
 

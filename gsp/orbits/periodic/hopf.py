@@ -20,7 +20,7 @@ from gsp.orbits.periodic.orbit import check_name
 from gsp.results.card import Card
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import exact
-from gsp.systems.flow import Flow, Point, complete
+from gsp.systems.flow import Flow, Point, complete, in_words
 from gsp.systems.region import Interval, check_interval
 from gsp.systems.system import SlowFastSystem
 
@@ -44,9 +44,8 @@ class HopfPoint(Card):
     vector: np.ndarray
 
     def __repr__(self) -> str:
-        place = ", ".join(f"{name} = {value:.10g}" for name, value in self.point.items())
         return (
-            f"HopfPoint({self.parameter} = {self.value:.12g} at {place}, omega = {self.omega:.6g}, "
+            f"HopfPoint({self.parameter} = {self.value:.12g} at {in_words(self.point, 10)}, omega = {self.omega:.6g}, "
             f"l1 = {self.l1:.6g})"
         )
 

@@ -20,7 +20,7 @@ from gsp.orbits.periodic.collocation import Cycle
 from gsp.orbits.periodic.mesh import FEWEST, adapted
 from gsp.orbits.periodic.newton import scales_of
 from gsp.roots import roots
-from gsp.systems.flow import Flow, Point
+from gsp.systems.flow import Flow, Point, in_words
 
 # A lap is a guess when it closes within this share of its amplitude.
 CLOSES = 1e-3
@@ -140,7 +140,7 @@ def _settled(
                 f"the run from start crosses {crossed} = 0, which no orbit does here: {crossed} falls below what "
                 f"the run holds, {atol:.0e}.",
                 f"Take ln {crossed} for a state in its place.",
-                got=f"start {_shown(start)}",
+                got=f"start {in_words(start)}",
             ), run
         # A cycle is run around for ever: a run that gets through is on none.
         lap = None if run.status.ok else _closed_lap(run, closes)
@@ -148,10 +148,10 @@ def _settled(
             return lap, run
         if _at_rest(run, atol):
             return OrbitError(
-                f"there is no cycle here: the run from start settles at the equilibrium {_shown(last)}.",
+                f"there is no cycle here: the run from start settles at the equilibrium {in_words(last)}.",
                 "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this "
                 "equilibrium.",
-                got=f"start {_shown(start)}",
+                got=f"start {in_words(start)}",
             ), run
         if run.status is not Status.TOO_MANY_STEPS:
             how = (
@@ -164,7 +164,9 @@ def _settled(
                 how += "epsilon of about 1e-14 and below; then raise epsilon"
             other = "integrate forward" if backward else "backward=True for a repelling cycle"
             return OrbitError(
-                f"{how}.", f"Start elsewhere, or {other}.", got=f"{_shown(last)} after {run.stats.steps} steps"
+                f"{how}.",
+                f"Start elsewhere, or {other}.",
+                got=f"{in_words(last)} after {run.stats.steps} steps",
             ), run
         if progress is not None:
             progress(steps / max_steps)
@@ -175,7 +177,7 @@ def _settled(
                 return lap, run
             return OrbitError(
                 f"the run from start has not come back to itself after {steps} steps.",
-                f"It is at {_shown(last)}. Raise max_steps, or give the period with a start near the cycle; "
+                f"It is at {in_words(last)}. Raise max_steps, or give the period with a start near the cycle; "
                 "a torus never closes, and chaos seldom.",
             ), run
         steps = min(2 * steps, max_steps)
@@ -263,7 +265,3 @@ def _lap_in_section(
             if (gaps[:, j] <= closes * (amplitude + 1e-6 * amplitude.max())).all():
                 return Lap(run, float(b[j]), float(b[j + laps] - b[j]))
     return None
-
-
-def _shown(point: Point) -> str:
-    return ", ".join(f"{getattr(name, 'name', name)} = {float(value):.6g}" for name, value in point.items())

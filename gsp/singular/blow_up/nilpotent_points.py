@@ -19,6 +19,7 @@ from gsp.singular.blow_up.local_form import BlowUpError
 from gsp.singular.passage.fold_passage import NEAR
 from gsp.singular.singularities.located_points import locate, with_slopes
 from gsp.systems.declaration import exact
+from gsp.systems.flow import in_words
 from gsp.systems.system import SlowFastSystem
 
 ExactPoint = AlgebraicPoint | Mapping[sp.Symbol, sp.Rational]
@@ -54,7 +55,7 @@ def nilpotent_point(system: SlowFastSystem, near: Mapping[str, float], kind: obj
         if not _reached([e.xreplace(held) for e in equations], free, start, units):
             _refuse(g, g_y, given, near)
         raise BlowUpError(
-            f"nilpotent points are not isolated near {_shown(near)}.",
+            f"nilpotent points are not isolated near {in_words(near)}.",
             "Give a point with rational coordinates on them, exactly.",
         ) from None
     distances = [np.abs(np.array([p.numbers()[s] for s in free]) - start) / units for p in found]
@@ -147,10 +148,6 @@ def _reached(
     return found is not None and bool((np.abs(found - start) <= NEAR * units).all())
 
 
-def _shown(near: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:.6g}" for name, value in near.items())
-
-
 def _refuse(
     g: Sequence[sp.Expr], g_y: sp.Matrix, given: Mapping[sp.Symbol, sp.Rational], near: Mapping[str, float]
 ) -> NoReturn:
@@ -159,7 +156,7 @@ def _refuse(
     residual = ", ".join(f"{float(sp.N(e.xreplace(dict(given)))):.3g}" for e in g)
     shown = ", ".join(f"{value:.4g}" for value in values)
     raise BlowUpError(
-        f"there is no nilpotent point near {_shown(near)}: the fast Jacobian is regular there.",
+        f"there is no nilpotent point near {in_words(near)}: the fast Jacobian is regular there.",
         "Nothing has to be blown up where no fast eigenvalue is zero. Take a fold, a branch point or a double zero "
         "that classify or continue_critical names.",
         got=f"fast eigenvalues {shown}, and g = {residual}",

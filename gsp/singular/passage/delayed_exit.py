@@ -15,7 +15,7 @@ from gsp.results.card import Card
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import Outcome, PassedLoss
 from gsp.singular.passage.slow_orbit import ResolvedPanel, crossing, interpolate
-from gsp.systems.flow import check_epsilon
+from gsp.systems.flow import check_epsilon, in_words
 
 # ln of what rounding adds to a deviation, relative to the fast variables, and of the least positive double.
 ROUNDING = float(-np.log(np.finfo(float).eps / 2.0))
@@ -79,9 +79,13 @@ class DelayedExit(Card):
 
     def time_of_rise(self, amount: float) -> float | None:
         """The slow time when Phi has risen by `amount` since the loss; None when it was not computed so far."""
-        loss = self.loss
-        level = self._phi_at(loss.t) + amount
-        return self._first_time(level, loss.t)
+        after = self.loss.t
+        return self._first_time(self._phi_at(after) + amount, after)
+
+    @property
+    def _rise(self) -> float:
+        """By how much Phi rises from the loss to the exit."""
+        return self._phi_at(self.t) - self._phi_at(self.loss.t)
 
     @property
     def rounding(self) -> float:
@@ -101,8 +105,8 @@ class DelayedExit(Card):
         small = check_epsilon(epsilon)
         if self.kind in (ExitKind.AT_LOSS, ExitKind.NONE) or not self.losses:
             return None
-        rise = self._phi_at(self.t) - self._phi_at(self.loss.t)
-        return None if rise <= small * self.rounding else self.time_of_rise(small * self.rounding)
+        amount = small * self.rounding
+        return None if self._rise <= amount else self.time_of_rise(amount)
 
     def double_exit_band(self, epsilon: float) -> tuple[float, float] | None:
         """Slow times between which a computation in double precision leaves, on any processor; None as `double_exit`.
@@ -112,11 +116,10 @@ class DelayedExit(Card):
         small = check_epsilon(epsilon)
         if self.double_exit(small) is None:
             return None
-        rise = self._phi_at(self.t) - self._phi_at(self.loss.t)
         ends = []
         for spread in (-ROUNDING_SPREAD, ROUNDING_SPREAD):
             amount = small * (self.rounding + spread)
-            time = self.time_of_rise(amount) if amount < rise else None
+            time = self.time_of_rise(amount) if amount < self._rise else None
             ends.append(self.t if time is None else time)
         return ends[0], ends[1]
 
@@ -126,7 +129,7 @@ class DelayedExit(Card):
         band = self.double_exit_band(small)
         if band is None:
             return ""
-        rise = (self._phi_at(self.t) - self._phi_at(self.loss.t)) / small
+        rise = self._rise / small
         return (
             f"double precision leaves early at {self.branch.system.epsilon} = {small:g}, between t = "
             f"{band[0]:.6g} and {band[1]:.6g} instead of {self.t:.6g}: the deviation falls to exp(-{rise:.1f}), "
@@ -137,7 +140,7 @@ class DelayedExit(Card):
     @property
     def message(self) -> str:
         """One line: the exit, and why it is there."""
-        place = ", ".join(f"{name} = {v:.12g}" for name, v in self.point.items())
+        place = in_words(self.point, 12)
         if self.kind is ExitKind.NONE:
             why = "Phi has not come back" if self.losses else "no loss of stability was met"
             remedy = {
@@ -182,7 +185,7 @@ class DelayedExit(Card):
     def __str__(self) -> str:
         lines = [
             f"passage along {self.branch}",
-            "  from " + ", ".join(f"{k} = {v:.8g}" for k, v in self.start.items()),
+            "  from " + in_words(self.start, 8),
         ]
         lines += [f"  {loss}" for loss in self.losses]
         lines += [f"  another eigenvalue takes over at t = {t:.8g}" for t in self.takeovers]

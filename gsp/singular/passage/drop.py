@@ -11,6 +11,7 @@ import numpy as np
 from gsp.fibres.layer_end import attractor_at
 from gsp.fibres.layer_flow import LayerFlow
 from gsp.integration.trajectory import trajectory_of
+from gsp.systems.flow import in_words
 from gsp.systems.region import Interval
 
 # The drop begins at this distance from the fold along r, in the layer's units; its error there is the cube.
@@ -43,7 +44,7 @@ class Drop:
         return self.kind is DropKind.SHEET
 
     def __str__(self) -> str:
-        place = ", ".join(f"{name} = {value:.8g}" for name, value in self.point.items())
+        place = in_words(self.point, 8)
         if self.kind is DropKind.ESCAPE:
             # The fast variables come last.
             fast = list(self.point.items())[-len(self.eigenvalues) :]

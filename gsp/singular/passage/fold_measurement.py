@@ -21,7 +21,7 @@ from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.systems.arguments import check_noun
-from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, values_by_name
+from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, in_words, values_by_name
 
 # A start on M0 is forgotten when the attraction has shrunk its distance from M_epsilon by exp(-FORGOTTEN).
 FORGOTTEN = 60.0
@@ -47,7 +47,7 @@ class FoldExit:
     @property
     def message(self) -> str:
         """One line: whether the section was met, and where."""
-        place = ", ".join(f"{name} = {value:.12g}" for name, value in self.point.items())
+        place = in_words(self.point, 12)
         name, value = self.section
         if self.status.ok:
             return f"met the section {name} = {value:g} at {place}"
@@ -115,8 +115,8 @@ def fold_exit(
     else:
         given = complete(start, system.states, what="start")
         first, time, contraction = np.array(given), None, float("nan")
-    named_start = {s.name: float(v) for s, v in zip(system.states, first)}
-    column = [s.name for s in system.states].index(name)
+    states = [s.name for s in system.states]
+    column = states.index(name)
     delay = passage.delay(small)
     span = (3.0 * delay + time) if time is not None else 4.0 * _distance(passage, first) + 3.0 * delay
     beyond = {**passage.point, name: value}
@@ -129,7 +129,7 @@ def fold_exit(
     for _ in range(6):
         run = trajectory_of(
             system,
-            start=named_start,
+            start=dict(zip(states, map(float, first))),
             span=(0.0, span),
             epsilon=small,
             rtol=rtol,
@@ -141,7 +141,6 @@ def fold_exit(
             break
         span *= 2.0
     assert run is not None
-    states = [s.name for s in system.states]
     if crossing is None:
         status = Status.NOT_CONVERGED if run.status.ok else run.status
         point, t = dict(zip(states, map(float, run.y[:, -1]))), float(run.t[-1])
@@ -263,8 +262,9 @@ def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, f
         if contraction >= FORGOTTEN * epsilon:
             return z, time, contraction
     if not path:
-        place = ", ".join(f"{name} = {value:.6g}" for name, value in passage.point.items())
-        raise PassageError(f"no attracting sheet leads to the fold at {place}.", "Give a start.")
+        raise PassageError(
+            f"no attracting sheet leads to the fold at {in_words(passage.point)}.", "Give a start."
+        )
     # The sheet ends before: the start is where it attracts most, away from both of its ends.
     _, z, time, contraction = min(path, key=lambda place: place[0])
     return z, time, contraction

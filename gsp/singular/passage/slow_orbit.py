@@ -21,6 +21,7 @@ from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
+from gsp.systems.flow import in_words
 from gsp.systems.region import Interval, in_units
 from gsp.systems.system import VectorField
 
@@ -101,7 +102,7 @@ class SlowOrbit:
 
     def shown(self, z: np.ndarray) -> str:
         """A point by name."""
-        return ", ".join(f"{s.name} = {v:.8g}" for s, v in zip(self.branch.system.states, z))
+        return in_words(zip(self.branch.system.states, z), 8)
 
     def advance(self) -> Panel:
         """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""

@@ -20,7 +20,7 @@ from gsp.singular.ramps.ramp_run import RampRun, run_ramp
 from gsp.singular.ramps.ramped import Place, Ramped, RampError
 from gsp.systems.arguments import check_noun, check_number, shown
 from gsp.systems.declaration import equations_of, exact
-from gsp.systems.flow import Point, check_epsilon, values_by_name
+from gsp.systems.flow import Point, check_epsilon, in_words, values_by_name
 from gsp.systems.ramp import Ramp
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -167,7 +167,9 @@ def critical_rate(
     given, begin, last = _declared(field, epsilon, ramp, start, edge)
     x_0 = given.rest_point(begin.x, begin.s)
     if x_0 is None or not (given.growth(begin := Place(begin.s, x_0)) < 0.0).all():
-        raise RampError(f"start is no attracting rest point of {_equations(given)}.", got=_shown(given, begin))
+        raise RampError(
+            f"start is no attracting rest point of {_equations(given)}.", got=in_words(_named(given, begin))
+        )
     named = _named(given, begin)
     if last is None:
         rate = one_state.moving_frame(given, begin)
@@ -181,10 +183,8 @@ def critical_rate(
     if not np.isfinite(last.x).all():
         tips, found = _escapes(given, begin, way, last)
         verdict, message = _verdict(tips, len(found))
-        level_of = ", ".join(
-            f"{s.name} = {v:.6g}" for s, v in zip(given.field.states, last.x) if np.isfinite(v)
-        )
-        message += f"; one tips that comes to {level_of}"
+        level_of = [(s, v) for s, v in zip(given.field.states, last.x) if np.isfinite(v)]
+        message += f"; one tips that comes to {in_words(level_of)}"
         rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
         return CriticalRate(verdict, rates, errors, tuple(found), named, None, message, tips[0], given)
     x_1 = given.rest_point(last.x, last.s)
@@ -201,7 +201,7 @@ def critical_rate(
         remedy = (
             "" if len(begin.x) == 1 else "Of an edge state that is a cycle name a level of one state beyond it."
         )
-        raise RampError(f"edge is no {kind} of {_equations(given)}.", remedy, got=_shown(given, last))
+        raise RampError(f"edge is no {kind} of {_equations(given)}.", remedy, got=in_words(_named(given, last)))
     if len(begin.x) == 1:
         (tips, found), unmatched = one_state.thresholds(given, way, saddle.place), ()
     else:
@@ -313,10 +313,6 @@ def _named(given: Ramped, place: Place) -> Mapping[str, float]:
     return MappingProxyType(
         {**named, **{q.name: float(e.xreplace(p)) for q, e in given.ramp.parameters.items()}}
     )
-
-
-def _shown(given: Ramped, place: Place) -> str:
-    return ", ".join(f"{name} = {value:.6g}" for name, value in _named(given, place).items())
 
 
 def _verdict(

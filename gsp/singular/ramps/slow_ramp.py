@@ -35,6 +35,7 @@ from gsp.singular.ramps.reduced_ramp import ReducedRamp, RestingLimit, along
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity, folded_singularity
 from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.declaration import exact
+from gsp.systems.flow import in_words
 from gsp.systems.system import SlowFastSystem
 
 # Degrees: the first, too low to resolve what is fast, and the last at which q has to have settled, to this.
@@ -89,17 +90,13 @@ class SlowRamp(Card):
         passed = (
             ""
             if self.singularity is None
-            else f"\n  through a {self.singularity.kind} at {_place(self.singularity)}"
+            else f"\n  through a {self.singularity.kind} at {in_words(self.singularity.numbers())}"
         )
         if self.singularity is not None and self.singularity.kind is FoldedKind.SADDLE_NODE_I:
             by = -self.difference / self.small**0.5
             passed += f"\n  from which the rate departs with sqrt({name}), here by {by:.4g} times that"
         told = f"{self.value(self.small):.10g}, found {self.number:.10g}"
         return f"{self!r}{passed}\n  at {name} = {self.small:.8g}: {told}"
-
-
-def _place(singularity: FoldedSingularity) -> str:
-    return ", ".join(f"{name} = {float(value):.6g}" for name, value in singularity.point.items())
 
 
 def slow_ramp(found: CriticalRate, *, order: int = 3, threshold: int = 0) -> SlowRamp:

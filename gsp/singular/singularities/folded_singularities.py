@@ -25,6 +25,7 @@ from gsp.results.card import Card
 from gsp.singular.singularities.desingularised import Desingularised, FoldedError, desingularise
 from gsp.singular.singularities.located_points import Located, locate
 from gsp.systems.declaration import exact
+from gsp.systems.flow import in_words
 from gsp.systems.region import Interval, check_region, is_within
 from gsp.systems.system import SlowFastSystem
 
@@ -101,9 +102,8 @@ class FoldedSingularity(Card):
         }
 
     def __repr__(self) -> str:
-        place = ", ".join(f"{name} = {float(value):.6g}" for name, value in self.point.items())
         tail = "" if self.mu is None else f", mu = {float(self.mu):.6g}"
-        return f"FoldedSingularity({self.kind.value} at {place}{tail})"
+        return f"FoldedSingularity({self.kind.value} at {in_words(self.numbers())}{tail})"
 
     def __str__(self) -> str:
         lines = [f"{self.kind.value} at " + ", ".join(f"{n} = {sp.N(v, 10)}" for n, v in self.point.items())]

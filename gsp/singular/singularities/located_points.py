@@ -14,6 +14,7 @@ from gsp.algebra.algebraic_numbers import AlgebraicPoint, InfinitelyManyPoints, 
 from gsp.algebra.differentiation import jacobian
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
+from gsp.systems.flow import in_words
 
 # Digits to which a point without a formula is refined at first, and below which a value there counts as zero.
 DIGITS = 60
@@ -141,7 +142,7 @@ def locate(
             raise InfinitelyManyPoints(
                 "the solutions are not isolated.",
                 "Fewer unknowns would leave single points.",
-                got=", ".join(f"{s} = {v:.6g}" for s, v in zip(unknowns, u)),
+                got=in_words(zip(unknowns, u)),
             )
     located: list[Located] = []
     for u in found:
