@@ -7,7 +7,7 @@ takes no part in it, so that the crossing of the curves and the orbit are two ro
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -20,7 +20,7 @@ from gsp.orbits.canard_orbits.frame import FoldedNodeFrame, Plane
 from gsp.orbits.canard_orbits.sheet import Sheet
 from gsp.roots import root
 from gsp.systems.arguments import check_times
-from gsp.systems.flow import Flow
+from gsp.systems.flow import Flow, in_words
 
 # Interpolation error that a canard's mesh is made for, and its elements at least and at most.
 PRECISION, FEWEST, MOST = 1e-11, 80, 1500
@@ -97,16 +97,13 @@ class Canard:
         return states if times.ndim else states[0]
 
     def _sigma(self) -> np.ndarray:
-        mesh = self.orbit.mesh
-        inside = np.arange(4) / 4
-        return np.append((mesh[:-1, None] + np.diff(mesh)[:, None] * inside).ravel(), 1.0)
+        return np.append(self.orbit.places(4), 1.0)
 
     def __repr__(self) -> str:
-        place = ", ".join(f"{name} = {value:.8g}" for name, value in self.point.items())
         turns = (
             "" if self.half_turns is None else f", {self.half_turns} half-turn" + "s" * (self.half_turns > 1)
         )
-        return f"Canard({self.name} at {place}{turns})"
+        return f"Canard({self.name} at {in_words(self.point, 8)}{turns})"
 
 
 class CanardSolver:
@@ -134,22 +131,17 @@ class CanardSolver:
         for _ in range(3):
             if orbit is None:
                 return None
-            elements = int(np.clip(orbit.elements_for(PRECISION), FEWEST, MOST))
-            orbit = self.solver.solve(orbit.adapted(elements), self.conditions)
+            orbit = self.solver.solve(orbit.adapted(PRECISION, FEWEST, MOST), self.conditions)
         return orbit
-
-    def finer(self, orbit: OrbitSegment) -> OrbitSegment | None:
-        """The same canard with every element halved."""
-        return self.solver.solve(orbit.halved(), self.conditions)
 
     def touching(self, guess: OrbitSegment) -> OrbitSegment | None:
         """The canard near an orbit where the two manifolds touch, so that the problem is singular at it."""
-        elements = int(np.clip(guess.elements_for(PRECISION), FEWEST, MOST))
-        return self.solver.settled(guess.adapted(elements), self.conditions)
+        return self.solver.settled(guess.adapted(PRECISION, FEWEST, MOST), self.conditions)
 
-    def touching_finer(self, orbit: OrbitSegment) -> OrbitSegment | None:
-        """The same with every element halved."""
-        return self.solver.settled(orbit.halved(), self.conditions)
+    def finer(self, orbit: OrbitSegment, *, touching: bool) -> OrbitSegment | None:
+        """The same canard with every element halved; `touching` as above."""
+        solve = self.solver.settled if touching else self.solver.solve
+        return solve(orbit.halved(), self.conditions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,24 +213,13 @@ def guess_at(crossing: SectionCrossing, attracting: Sheet, repelling: Sheet) -> 
     """The two segments at a crossing, each blended from its neighbours on its sheet, joined."""
     halves = []
     for sheet, (i, s) in ((attracting, crossing.attracting), (repelling, crossing.repelling)):
-        s = float(np.clip(s, 0.0, 1.0))
-        one, other = sheet.segments[i], sheet.segments[i + 1]
-        other = other.on(one.mesh)
-        halves.append(
-            OrbitSegment(
-                mesh=one.mesh,
-                states=(1 - s) * one.states + s * other.states,
-                stages=(1 - s) * one.stages + s * other.stages,
-                time=(1 - s) * one.time + s * other.time,
-                epsilon=one.epsilon,
-            )
-        )
+        halves.append(sheet.segments[i].blended(sheet.segments[i + 1], float(np.clip(s, 0.0, 1.0))))
     return joined(*halves)
 
 
 def section_crossing(orbit: OrbitSegment, section: Plane, near: float) -> tuple[float, np.ndarray] | None:
     """Share of the orbit's time at which it crosses the section, the one next to `near`, and the state there."""
-    sigma = np.linspace(orbit.mesh[:-1], orbit.mesh[1:], LOOKS, endpoint=False).T.ravel()
+    sigma = orbit.places(LOOKS)
     values = orbit.at(sigma)[:, section.index] - section.value
     change = np.flatnonzero(values[:-1] * values[1:] <= 0.0)
     if not change.size:
@@ -262,22 +243,14 @@ def half_turns(
     The axis, the weak canard, is given up to the section and from there on; `share` is where the orbit
     crosses the section. Counted where both exist; `None` when it depends on what counts as rounding.
     """
-    signs: list[float] = []
-    sigma = np.linspace(orbit.mesh[:-1], orbit.mesh[1:], LOOKS, endpoint=False).T.ravel()
-    states = orbit.at(sigma)
-    middle = int(np.searchsorted(sigma, share))
-    for half, part, outward in ((states[:middle][::-1], axis[0], -1), (states[middle:], axis[1], 1)):
-        along, height = _graph(part, section.index, from_end=outward < 0)
-        coordinate = half[:, section.index]
+    halves = []
+    for coordinate, gap, along in _beside(orbit, share, axis, section):
         # Only as far as the section's variable runs one way, and the axis is there.
         sign = np.sign(along[-1] - along[0])
-        steps = np.diff(coordinate) * sign > 0.0
-        stop = len(coordinate) if steps.all() else int(np.argmin(steps)) + 1
+        stop = _one_way(coordinate, sign)
         inside = np.flatnonzero((coordinate[:stop] - along[-1]) * sign >= 0.0)
-        stop = int(inside[0]) if inside.size else stop
-        deviation = half[:stop, 2] - np.interp(sign * coordinate[:stop], sign * along, height)
-        signs = [*deviation[::-1], *signs] if outward < 0 else [*signs, *deviation]
-    values = np.array(signs)
+        halves.append(gap[: int(inside[0]) if inside.size else stop])
+    values = np.concatenate([halves[0][::-1], halves[1]])
     counts = set()
     for least in (SIGNLESS, 10.0 * SIGNLESS):
         kept = values[np.abs(values) > least * width]
@@ -290,31 +263,41 @@ def deviation(
     share: float,
     axis: tuple[OrbitSegment, OrbitSegment],
     section: Plane,
-    coordinate: float,
-):
-    """Largest distance in the fast variable between an orbit and the axis within `coordinate` of the section."""
-    sigma = np.linspace(orbit.mesh[:-1], orbit.mesh[1:], LOOKS, endpoint=False).T.ravel()
-    states = orbit.at(sigma)
-    middle = int(np.searchsorted(sigma, share))
-    largest = 0.0
+    reach: float,
+) -> float:
+    """Largest distance in the fast variable between an orbit and the axis within `reach` of the section."""
+    return max(
+        float(np.abs(gap[np.abs(coordinate - section.value) <= reach]).max(initial=0.0))
+        for coordinate, gap, _ in _beside(orbit, share, axis, section)
+    )
+
+
+def _beside(
+    orbit: OrbitSegment, share: float, axis: tuple[OrbitSegment, OrbitSegment], section: Plane
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Before the section and beyond, from there on: the section's variable along an orbit (k,), how far the fast one is
+    above the axis there (k,), and the section's along the axis.
+    """
+    sigma = orbit.places(LOOKS)
+    states, middle = orbit.at(sigma), int(np.searchsorted(sigma, share))
     for half, part, from_end in ((states[:middle][::-1], axis[0], True), (states[middle:], axis[1], False)):
         along, height = _graph(part, section.index, from_end=from_end)
-        near = half[np.abs(half[:, section.index] - section.value) <= coordinate]
-        sign = np.sign(along[-1] - along[0])
-        gap = near[:, 2] - np.interp(sign * near[:, section.index], sign * along, height)
-        largest = max(largest, float(np.abs(gap).max(initial=0.0)))
-    return largest
+        sign, coordinate = np.sign(along[-1] - along[0]), half[:, section.index]
+        yield coordinate, half[:, 2] - np.interp(sign * coordinate, sign * along, height), along
+
+
+def _one_way(values: np.ndarray, sign: float) -> int:
+    """How many of the values (k,) run one way, upwards for a `sign` of 1."""
+    steps = np.diff(values) * sign > 0.0
+    return len(values) if steps.all() else int(np.argmin(steps)) + 1
 
 
 def _graph(orbit: OrbitSegment, index: int, *, from_end: bool) -> tuple[np.ndarray, np.ndarray]:
     """The fast variable over the section's, from the section on as far as that one runs one way."""
-    sigma = np.linspace(orbit.mesh[:-1], orbit.mesh[1:], LOOKS, endpoint=False).T.ravel()
-    sigma = np.append(sigma, 1.0)
+    sigma = np.append(orbit.places(LOOKS), 1.0)
     states = orbit.at(sigma[::-1] if from_end else sigma)
     along = states[:, index]
-    sign = np.sign(along[1] - along[0])
-    steps = np.diff(along) * sign > 0.0
-    stop = len(along) if steps.all() else int(np.argmin(steps)) + 1
+    stop = _one_way(along, np.sign(along[1] - along[0]))
     return along[:stop], states[:stop, 2]
 
 

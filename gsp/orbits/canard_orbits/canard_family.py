@@ -306,8 +306,7 @@ class _Follower(Tracer[_FamilyNode]):
     ) -> OrbitSegment | None:
         if found is None:
             return None
-        elements = int(np.clip(found.elements_for(PRECISION), FEWEST, MOST))
-        return self.solver.solve(found.adapted(elements), problem, limit=10)
+        return self.solver.solve(found.adapted(PRECISION, FEWEST, MOST), problem, limit=10)
 
     def _at(self, here: OrbitSegment, there: OrbitSegment, value: float) -> OrbitSegment | None:
         """The orbit between two at a value of epsilon."""
@@ -316,12 +315,5 @@ class _Follower(Tracer[_FamilyNode]):
             return self._conditions(orbit, None, (value - orbit.epsilon) / orbit.epsilon)
 
         share = (value - here.epsilon) / (there.epsilon - here.epsilon)
-        other = there.on(here.mesh)
-        guess = OrbitSegment(
-            mesh=here.mesh,
-            states=(1 - share) * here.states + share * other.states,
-            stages=(1 - share) * here.stages + share * other.stages,
-            time=(1 - share) * here.time + share * there.time,
-            epsilon=value,
-        )
+        guess = replace(here.blended(there, share), epsilon=value)
         return self._remeshed(self.solver.solve(guess, problem), problem)

@@ -61,6 +61,10 @@ class OrbitSegment:
         """States (k, n) at shares sigma (k,) of the orbit's time, from the collocation polynomials."""
         return SCHEME.at(self.mesh, self.values, np.asarray(sigma, dtype=float))
 
+    def places(self, number: int) -> np.ndarray:
+        """Shares of the orbit's time, `number` of them an element from its start on."""
+        return np.linspace(self.mesh[:-1], self.mesh[1:], number, endpoint=False).T.ravel()
+
     def on(self, mesh: np.ndarray) -> OrbitSegment:
         """The same orbit on another mesh, by interpolation."""
         values = self.at(SCHEME.places(mesh).ravel()).reshape(len(mesh) - 1, STAGES + 1, -1)
@@ -71,6 +75,16 @@ class OrbitSegment:
         """The same orbit with every element cut in two."""
         middle = 0.5 * (self.mesh[:-1] + self.mesh[1:])
         return self.on(np.sort(np.concatenate([self.mesh, middle])))
+
+    def blended(self, other: OrbitSegment, share: float) -> OrbitSegment:
+        """What lies at that share of the way from this orbit to another, on the mesh of this one."""
+        other = other.on(self.mesh)
+        return replace(
+            self,
+            states=(1 - share) * self.states + share * other.states,
+            stages=(1 - share) * self.stages + share * other.stages,
+            time=(1 - share) * self.time + share * other.time,
+        )
 
     def moved(self, step: OrbitChange, share: float = 1.0) -> OrbitSegment:
         """This orbit plus `share` times a step."""
@@ -100,8 +114,9 @@ class OrbitSegment:
         even = (tolerance * (STAGES + 1) / 2e-3) ** (1.0 / (STAGES + 1))
         return int(np.ceil(self.monitor().sum() / even))
 
-    def adapted(self, elements: int) -> OrbitSegment:
-        """The same orbit on a mesh of `elements` that spreads its monitor evenly."""
+    def adapted(self, tolerance: float, fewest: int, most: int) -> OrbitSegment:
+        """The same orbit on a mesh of `elements_for` the tolerance, within bounds, that spreads its monitor evenly."""
+        elements = int(np.clip(self.elements_for(tolerance), fewest, most))
         weight = self.monitor()
         # Share of the elements that is spread evenly, so that none grows too long.
         weight += 0.15 * weight.sum() * np.diff(self.mesh)

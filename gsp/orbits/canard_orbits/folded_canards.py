@@ -384,11 +384,9 @@ class _Finder:
     def _canard(self, solved: _SolvedCanard, kind: CanardKind, index: int | None, turns: int | None) -> Canard:
         orbit = solved.orbit
         touching = kind is CanardKind.WEAK and self.touching
-        finer = self.solver.touching_finer(orbit) if touching else self.solver.finer(orbit)
+        finer = self.solver.finer(orbit, touching=touching)
         again = None if finer is None else section_crossing(finer, self.section, solved.share)
-        error = np.inf
-        if again is not None:
-            error = self._apart(again[1], solved.state)
+        error = np.inf if again is None else self._apart(again[1], solved.state)
         gap = (solved.state[self.columns] - solved.crossing.place) / self.scale
         return Canard(
             system=self.frame.system,

@@ -76,11 +76,13 @@ class FoldedNodeFrame:
         """Its gradient (3,)."""
         return self.critical(z, _NOTHING)[1:4]
 
-    def on_critical(self, z: np.ndarray) -> np.ndarray:
-        """The point of M0 next to z."""
+    def on_critical(self, z: np.ndarray, *, held: int | None = None) -> np.ndarray:
+        """The point of M0 next to z, with the state number `held` as it is."""
         z = z.copy()
         for _ in range(30):
             slope = self.gradient(z)
+            if held is not None:
+                slope[held] = 0.0
             step = self.g(z) * slope / (slope @ slope)
             z -= step
             if np.abs(step).max() <= 1e-14 * (1.0 + np.abs(z).max()):
@@ -97,30 +99,16 @@ class FoldedNodeFrame:
 
     def outwards(self, z: np.ndarray, span: float) -> Trajectory:
         """The singular orbit through the point of M0 next to z, against the desingularised time."""
-        z = self.on_critical(z)
-        names = [state.name for state in self.desingularised.states]
-        start = dict(zip(names, [*z, 0.0]))
-        return trajectory_of(
-            self.desingularised,
-            start=start,
-            span=(0.0, -span),
-            rtol=1e-9,
-            atol=1e-12,
-            options=RunOptions(max_steps=STEPS),
-        )
+        return self._run(self.on_critical(z), -span, rtol=1e-9, atol=1e-12)
 
     def inwards(self, z: np.ndarray) -> Trajectory:
         """The singular orbit from the point z of M0 in the desingularised time, which ends in the node or leaves."""
-        names = [state.name for state in self.desingularised.states]
-        start = dict(zip(names, [*z, 0.0]))
-        return trajectory_of(
-            self.desingularised,
-            start=start,
-            span=(0.0, PATIENCE / abs(self.rates[1])),
-            rtol=1e-7,
-            atol=1e-9,
-            options=RunOptions(max_steps=STEPS),
-        )
+        return self._run(z, PATIENCE / abs(self.rates[1]), rtol=1e-7, atol=1e-9)
+
+    def _run(self, z: np.ndarray, end: float, *, rtol: float, atol: float) -> Trajectory:
+        start = dict(zip([state.name for state in self.desingularised.states], [*z, 0.0]))
+        options = RunOptions(max_steps=STEPS)
+        return trajectory_of(self.desingularised, start, (0.0, end), rtol=rtol, atol=atol, options=options)
 
 
 def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFrame:

@@ -126,14 +126,7 @@ class SheetLine:
         """The point of the line on M0 next to z."""
         z = z.copy()
         z[self.plane.index] = self.plane.value
-        for _ in range(30):
-            slope = self.frame.gradient(z)
-            slope[self.plane.index] = 0.0
-            step = self.frame.g(z) * slope / (slope @ slope)
-            z -= step
-            if np.abs(step).max() <= 1e-14 * (1.0 + np.abs(z).max()):
-                break
-        return z
+        return self.frame.on_critical(z, held=self.plane.index)
 
     def _duration(self, z: np.ndarray) -> float:
         """Slow time that the reduced flow takes from z into the node, dt = -g_y ds; infinite when it leaves."""

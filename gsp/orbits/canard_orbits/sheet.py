@@ -267,8 +267,7 @@ class SheetBuilder(Tracer[_SheetNode]):
         orbit: OrbitSegment | None = guess
         for _ in range(2):
             if orbit is not None:
-                elements = min(MOST_ELEMENTS, max(ELEMENTS, orbit.elements_for(precision)))
-                orbit = self.solver.solve(orbit.adapted(elements), problem)
+                orbit = self.solver.solve(orbit.adapted(precision, ELEMENTS, MOST_ELEMENTS), problem)
         return orbit
 
     # -- the boundary-value problem ----------------------------------------------------------------
@@ -345,8 +344,7 @@ class SheetBuilder(Tracer[_SheetNode]):
         found = self.solver.solve(orbit, problem, limit=8)
         if found is None:
             return None
-        elements = min(MOST_ELEMENTS, max(ELEMENTS, found.elements_for(PRECISION)))
-        found = self.solver.solve(found.adapted(elements), problem, limit=8)
+        found = self.solver.solve(found.adapted(PRECISION, ELEMENTS, MOST_ELEMENTS), problem, limit=8)
         return None if found is None else (found, self.solver.iterations - before, length)
 
     def oriented(
