@@ -18,16 +18,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import Sampler
+from gsp.critical.sheet_points import place
 from gsp.errors import NO_REASON, BranchError, DeclarationError, GspError, HyperbolicityError, Reason, Status
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
-from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
@@ -38,7 +37,7 @@ from gsp.singular.passage.fold_passage import ZERO, FoldPassage, passage_at
 from gsp.singular.passage.slow_orbit import time_to_move
 from gsp.slow.series import expand
 from gsp.systems.arguments import check_noun, check_progress, check_whole, shown
-from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
+from gsp.systems.flow import Point, check_epsilon, complete, in_words
 from gsp.systems.system import VectorField
 
 # Slow pieces are followed at this tolerance, each for at most so many times the slow time in which it gets somewhere.
@@ -135,7 +134,7 @@ class SingularOrbit(Drawn, Tabular):
         for piece in self.cycle or self.pieces:
             text = f"  slow time {piece.duration:.10g}"
             if piece.fold is not None:
-                fold = ", ".join(f"{n} = {v:.8g}" for n, v in piece.fold.point.items())
+                fold = in_words(piece.fold.point, 8)
                 text += f" to the fold at {fold}; "
                 text += str(piece.fold.drop) if piece.flight is None else _told(piece.flight)
             lines.append(text)
@@ -181,9 +180,7 @@ def singular_orbit(
     system = branch.system
     complete(start, system.states, what="start")
     _require_attracting(branch, start)
-    given = values_by_name(start, what="start")
-    x = np.array([[given[s.name] for s in branch.system.x]])
-    branch = branch.in_own_units(np.concatenate([x[0], branch.through(start).points(x)[0]]))
+    branch = branch.in_own_units(_on_sheet(branch, start))
     if switched is not None and not isinstance(switched, VectorField):
         raise DeclarationError(
             "switched is the VectorField that was split.", got=shown(switched), value=switched
@@ -192,6 +189,7 @@ def singular_orbit(
     point: Point = start
     pieces: list[SlowPiece] = []
     landings: list[np.ndarray] = []
+    back, message = 0, Reason(f"not closed after {max_pieces} slow pieces; raise max_pieces to go on")
     while len(pieces) < max_pieces:
         piece, why = _follow(_landed_on(branch, point) if pieces else branch, point, flights)
         pieces.append(piece)
@@ -199,52 +197,50 @@ def singular_orbit(
             progress(len(pieces))
         if piece.landing is None:
             message = why or Reason(f"{len(pieces)} slow pieces; {piece.fold and piece.fold.drop}")
-            return SingularOrbit(branch, tuple(pieces), 0, message, flights)
+            break
         point = piece.landing
-        landed = np.array([point[s.name] for s in system.states])
-        back = _closed(landings, landed / np.concatenate(branch.scales))
-        landings.append(landed / np.concatenate(branch.scales))
+        landed = np.array([point[s.name] for s in system.states]) / np.concatenate(branch.scales)
+        back = _closed(landings, landed)
+        landings.append(landed)
         if back:
             message = Reason(f"closed after {len(pieces)} slow pieces, {back} drops a period")
-            return SingularOrbit(branch, tuple(pieces), back, message, flights)
-    message = Reason(f"not closed after {max_pieces} slow pieces; raise max_pieces to go on")
-    return SingularOrbit(branch, tuple(pieces), 0, message, flights)
+            break
+    return SingularOrbit(branch, tuple(pieces), back, message, flights)
+
+
+def _on_sheet(branch: Branch, point: Point) -> np.ndarray:
+    """The point (n,) of the sheet next to one that names every state, over its slow variables."""
+    x, _ = place(branch.system, point)
+    return np.concatenate([x, branch.through(point).points(x[None, :])[0]])
 
 
 def _require_attracting(branch: Branch, start: Point) -> None:
     """The start's sheet attracts over the start: orbits next to any other leave it before a slow time has passed."""
-    system = branch.system
-    given = values_by_name(start, what="start")
-    x = np.array([[given[s.name] for s in system.x]])
-    point = np.concatenate([x, branch.through(start).points(x)], axis=1)
-    values = np.linalg.eigvals(Sampler(branch).fast_jacobian(point)[0])
+    point = _on_sheet(branch, start)
+    values = np.linalg.eigvals(Sampler(branch).fast_jacobian(point[None, :])[0])
     # At a fold one of them is zero to rounding only, of either sign; `integrate` names that start.
     if values.real.max() > ZERO * np.abs(values).max(initial=1.0):
-        place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.states, point[0]))
+        at = in_words(zip(branch.system.states, point))
         raise HyperbolicityError(
-            f"the sheet under the start does not attract: at {place} the fast eigenvalues are "
+            f"the sheet under the start does not attract: at {at} the fast eigenvalues are "
             f"{np.array2string(values, precision=4)}.",
             "Start next to an attracting sheet; fast variables of the start choose it.",
         )
 
 
 def _told(flight: Flight) -> str:
-    return f"it flies for a slow time {flight.duration:.10g} and comes down at {_place(flight.point)}"
-
-
-def _place(point: Point) -> str:
-    return ", ".join(f"{name} = {value:.8g}" for name, value in point.items())
+    return f"it flies for a slow time {flight.duration:.10g} and comes down at {in_words(flight.point, 8)}"
 
 
 def _follow(branch: Branch, point: Point, flights: Flights | None) -> tuple[SlowPiece, Reason]:
     """The slow piece from `point`, and why it does not end in a fold passage (empty when it does)."""
     longest = _longest(branch, point)
-    run = _run(_reduced(branch, point), branch, point, longest)
+    run = _run(branch, point, longest)
     if run.status is not Status.FOLD_REACHED:
         if run.status.ok:
             last = {s.name: float(run[s.name][-1]) for s in branch.system.states}
             if _is_at_rest(branch, run, longest):
-                return SlowPiece(run, None), Reason(f"the slow flow comes to rest at {_place(last)}")
+                return SlowPiece(run, None), Reason(f"the slow flow comes to rest at {in_words(last, 8)}")
             return SlowPiece(run, None), Reason(f"no fold within a slow time of {longest:g}")
         return SlowPiece(run, None), Reason(f"the slow flow ends otherwise than at a fold: {run.message}")
     ends = np.array([run[s.name] for s in branch.system.states])
@@ -270,8 +266,7 @@ def _flown(
 
 def _landed_on(branch: Branch, point: Point) -> Branch:
     """`branch` when the point of M0 lies on it, otherwise the branch of M0 that it lies on."""
-    given = values_by_name(point, what="point")
-    x, y = (np.array([given[s.name] for s in states]) for states in (branch.system.x, branch.system.y))
+    x, y = place(branch.system, point)
     try:
         distance = np.abs((branch.through(point).points(x[None, :])[0] - y) / branch.scales[1]).max()
     except BranchError:
@@ -281,16 +276,12 @@ def _landed_on(branch: Branch, point: Point) -> Branch:
     return replace(solve_critical(branch.system).nearest(point), units=branch.units)
 
 
-def _reduced(branch: Branch, point: Point) -> ReducedFlow:
-    return restrict(expand(branch.through(point), order=0, symbolic=False))
-
-
-def _run(flow: ReducedFlow, branch: Branch, point: Point, longest: float) -> Trajectory:
-    slow = {s.name for s in branch.system.x}
-    start = values_by_name(point, what="start")
+def _run(branch: Branch, point: Point, longest: float) -> Trajectory:
+    """The reduced flow of order 0 from a point on its sheet."""
+    x, _ = place(branch.system, point)
     return trajectory_of(
-        flow,
-        start={name: value for name, value in start.items() if name in slow},
+        restrict(expand(branch.through(point), order=0, symbolic=False)),
+        start=dict(zip((s.name for s in branch.system.x), x)),
         span=(0.0, longest),
         # Order 0 does not depend on epsilon; the value is asked for all the same.
         epsilon=1.0,
@@ -301,7 +292,7 @@ def _run(flow: ReducedFlow, branch: Branch, point: Point, longest: float) -> Tra
 
 def _longest(branch: Branch, point: Point) -> float:
     """How long a piece from `point` is followed, in slow time; one that stands still gets nowhere in any."""
-    x = np.array([values_by_name(point, what="start")[s.name] for s in branch.system.x])
+    x, _ = place(branch.system, point)
     moves = time_to_move(x, _slow_rates(branch, point), branch.scales[0])
     return PATIENCE * (moves if np.isfinite(moves) else 1.0)
 
@@ -315,18 +306,13 @@ def _is_at_rest(branch: Branch, run: Trajectory, longest: float) -> bool:
 
 
 def _slow_rates(branch: Branch, point: Point) -> np.ndarray:
-    given = values_by_name(point, what="start")
-    x = np.array([given[s.name] for s in branch.system.x])
-    z = np.concatenate([x, branch.through(point).points(x[None, :])[0]])
-    return Sampler(branch).rates(z[None, :])[0, : len(x)]
+    return Sampler(branch).rates(_on_sheet(branch, point)[None, :])[0, : len(branch.system.x)]
 
 
 def _closed(landings: list[np.ndarray], landed: np.ndarray) -> int:
     """How many drops ago an orbit landed at the same point, in the branch's units; 0 for never."""
-    for back, earlier in enumerate(reversed(landings), start=1):
-        if np.abs(earlier - landed).max() <= CLOSED:
-            return back
-    return 0
+    ago = enumerate(reversed(landings), start=1)
+    return next((back for back, earlier in ago if np.abs(earlier - landed).max() <= CLOSED), 0)
 
 
 def _period(orbit: SingularOrbit) -> tuple[float, float, float]:
@@ -380,26 +366,17 @@ def _flight_sensitivity(
     m = len(names)
     if piece.flight is None:
         return np.eye(m), np.zeros(m)
-    transfer, delay = np.zeros((m, m)), np.zeros(m)
-    for i, name in enumerate(names):
-        h = SHIFT * branch.scales[0][i]
-        ends = [
-            _flown(
-                piece.fold,
-                {**piece.fold.point, name: piece.fold.point[name] + sign * h},
-                flights,
-                PATIENCE * piece.flight.duration,
-            )
-            for sign in (1.0, -1.0)
-        ]
-        if None in ends:
+    fold, longest = piece.fold, PATIENCE * piece.flight.duration
+
+    def end(beside: Mapping[str, float]) -> tuple[np.ndarray, float]:
+        flight = _flown(fold, beside, flights, longest)
+        if flight is None:
             raise GspError(
                 "a flight beside this one does not come back.", "The period is not to be expanded here."
             )
-        up, down = (flight for flight in ends if flight is not None)
-        transfer[:, i] = [(up.point[n] - down.point[n]) / (2.0 * h) for n in names]
-        delay[i] = (up.duration - down.duration) / (2.0 * h)
-    return transfer, delay
+        return np.array([flight.point[n] for n in names]), flight.duration
+
+    return _slopes(branch, fold.point, end)
 
 
 def _sensitivity(branch: Branch, before: SlowPiece) -> tuple[np.ndarray, np.ndarray]:
@@ -409,24 +386,30 @@ def _sensitivity(branch: Branch, before: SlowPiece) -> tuple[np.ndarray, np.ndar
     """
     landing = before.landing
     assert landing is not None
-    names = [s.name for s in branch.system.x]
-    m = len(names)
     branch = _landed_on(branch, landing)
-    transfer, gradient = np.zeros((m, m)), np.zeros(m)
-    for i, name in enumerate(names):
-        ends, durations = [], []
-        h = SHIFT * branch.scales[0][i]
-        for sign in (1.0, -1.0):
-            moved: Mapping[str, float] = MappingProxyType({**landing, name: landing[name] + sign * h})
-            run = _run(_reduced(branch, moved), branch, moved, _longest(branch, moved))
-            if run.status is not Status.FOLD_REACHED:
-                raise GspError(
-                    f"the slow flow from {dict(moved)} ends otherwise than its neighbour: {run.message}.",
-                    "The closed orbit passes too near to a boundary of the fold's basin for its period to "
-                    "be expanded.",
-                )
-            ends.append(np.array([run[n][-1] for n in names]))
-            durations.append(run.t[-1] - run.t[0])
-        transfer[:, i] = (ends[0] - ends[1]) / (2.0 * h)
-        gradient[i] = (durations[0] - durations[1]) / (2.0 * h)
-    return transfer, gradient
+
+    def end(beside: Mapping[str, float]) -> tuple[np.ndarray, float]:
+        run = _run(branch, beside, _longest(branch, beside))
+        if run.status is not Status.FOLD_REACHED:
+            raise GspError(
+                f"the slow flow from {beside} ends otherwise than its neighbour: {run.message}.",
+                "The closed orbit passes too near to a boundary of the fold's basin for its period to be expanded.",
+            )
+        return np.array([run[s.name][-1] for s in branch.system.x]), float(run.t[-1] - run.t[0])
+
+    return _slopes(branch, landing, end)
+
+
+def _slopes(
+    branch: Branch,
+    point: Mapping[str, float],
+    end: Callable[[Mapping[str, float]], tuple[np.ndarray, float]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """How the slow variables (m,) of an `end`, and its time, move with those of `point`: (m, m) and (m,)."""
+    m = len(branch.system.x)
+    transfer, delay = np.zeros((m, m)), np.zeros(m)
+    for i, (s, scale) in enumerate(zip(branch.system.x, branch.scales[0])):
+        h = SHIFT * float(scale)
+        (up, late), (down, early) = (end({**point, s.name: point[s.name] + step}) for step in (h, -h))
+        transfer[:, i], delay[i] = (up - down) / (2.0 * h), (late - early) / (2.0 * h)
+    return transfer, delay
