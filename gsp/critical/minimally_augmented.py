@@ -18,6 +18,7 @@ from itertools import combinations
 import numpy as np
 
 from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.normal_forms import bordered
 
 MatrixMap = Callable[[np.ndarray], np.ndarray]
 
@@ -75,13 +76,11 @@ class Singular:
         changes = np.moveaxis(self.problem.second(u)[:, k:, :], 2, 0)
         ratio = self.units / self.units[:, None]
         M, dM = self.of(g_y) * ratio, self.of(changes) * ratio
-        n = len(M)
-        bordered = np.block([[M, self.b[:, None]], [self.c[None, :], np.zeros((1, 1))]])
-        unit = np.zeros(n + 1)
-        unit[n] = 1.0
-        if not (np.isfinite(bordered).all() and np.isfinite(dM).all()):
+        n, matrix = len(M), bordered(M, self.b, self.c)
+        if not (np.isfinite(matrix).all() and np.isfinite(dM).all()):
             raise np.linalg.LinAlgError("not finite")
-        v, w = np.linalg.solve(bordered, unit), np.linalg.solve(bordered.T, unit)
+        unit = np.eye(n + 1)[n]
+        v, w = np.linalg.solve(matrix, unit), np.linalg.solve(matrix.T, unit)
         gradient = -np.einsum("i,lij,j->l", w[:n], dM, v[:n])
         return Null(float(v[n]), gradient, v[:n] * self.units, w[:n] / self.units)
 

@@ -36,14 +36,14 @@ def cubic_coefficient(A: np.ndarray, B: np.ndarray, C: Trilinear, right: np.ndar
     """c = <l, C(r, r, r) + 3 B r h>/6 with A h = -B r r, of v' = c v^3 + ...: not zero at a cusp (ibid., 8.7)."""
     n = len(A)
     bending = np.einsum("ijk,j,k->i", B, right, right)
-    h = np.linalg.solve(bordered(A, right, left), np.append(-bending, 0.0))[:n]
+    h = np.linalg.solve(bordered(A, left, right), np.append(-bending, 0.0))[:n]
     cubic = C(right, right, right)
     return float(left @ (cubic + 3.0 * np.einsum("ijk,j,k->i", B, right, h))) / 6.0
 
 
-def bordered(A: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """[[A, l], [r^T, 0]], regular where A has the simple null vectors r and l."""
-    return np.block([[A, left[:, None]], [right[None, :], np.zeros((1, 1))]])
+def bordered(A: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """[[A, column], [row^T, 0]], regular with a simple null vector on each side, r and l, and with l and r."""
+    return np.block([[A, column[:, None]], [row[None, :], np.zeros((1, 1))]])
 
 
 def first_lyapunov(

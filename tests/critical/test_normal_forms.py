@@ -55,7 +55,7 @@ def test_a_fold_has_its_quadratic_and_a_cusp_its_cubic_coefficient(moved: bool) 
     assert cubic_coefficient(A, B, C, right, left) == pytest.approx((5 - 6) / size**2)
     A, B, _ = derivatives([-7 * p**2 / 2 + q**2, -q + p**2, -2 * r], moved)
     assert quadratic_coefficient(B, right, left) == pytest.approx(-3.5 / size)
-    matrix = bordered(A, right, left)
+    matrix = bordered(A, left, right)
     assert matrix.shape == (4, 4)
     assert np.linalg.solve(matrix, [0, 0, 0, 1.0]) == pytest.approx([*right, 0.0])
 

@@ -11,6 +11,7 @@ from gsp.critical.loss_kind import LossKind
 from gsp.critical.normal_forms import (
     ZERO_TERM,
     bogdanov_takens,
+    bordered,
     cubic_coefficient,
     null_vectors,
     quadratic_coefficient,
@@ -61,14 +62,13 @@ def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
 def _degenerate(
     diagnosis: Diagnosis, at: Local, value: float, note: str, coefficients: Mapping[str, float] | None = None
 ) -> Loss:
-    verdict = consequences.DEGENERATE
     return diagnosis.loss(
         at.z,
         Contact.ZERO,
         LossKind.DEGENERATE,
         "det g_y",
         value,
-        verdict,
+        consequences.DEGENERATE,
         coefficients=coefficients,
         note=note,
     )
@@ -112,10 +112,7 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
     b, a = left @ at.g_x, quadratic_coefficient(at.g_yy, right, left)
     c = cubic_coefficient(at.A, at.g_yy, at.third, right, left)
     # Directions of the kernel of (g_x, g_y) up to b: (0, r), and (e_j, w_j) with <l, w_j> = 0.
-    w = np.linalg.solve(
-        np.block([[at.A, right[:, None]], [left[None, :], np.zeros((1, 1))]]),
-        np.vstack([-at.g_x, np.zeros((1, nx))]),
-    )[:-1]
+    w = np.linalg.solve(bordered(at.A, right, left), np.vstack([-at.g_x, np.zeros((1, nx))]))[:-1]
     kernel = np.vstack([np.append(np.zeros(nx), right), np.hstack([np.eye(nx), w.T])])
     form = np.einsum("i,ijk,aj,bk->ab", left, at.second, kernel, kernel)
     V = _width(diagnosis, at.z, left, a, b, c, form)
@@ -139,7 +136,7 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
         if abs(switching) <= ZERO_TERM * float(np.abs(b) @ diagnosis.fastest):
             switching = 0.0
         if bend > is_zero:
-            return _fold(diagnosis, at, determinant, coefficients, a, switching, note)
+            return _fold(diagnosis, here, coefficients, switching)
         coefficients["c"] = c
         fibre = diagnosis.fibre(at.z, right[:, None], left[:, None], V)
         # A second route to the order: near a zero of higher order c is small, not zero.
@@ -185,28 +182,20 @@ def _width(
     return diagnosis.spread(left) or 1.0
 
 
-def _fold(
-    diagnosis: Diagnosis,
-    at: Local,
-    determinant: float,
-    known: dict[str, float],
-    a: float,
-    switching: float,
-    note: str,
-) -> Loss:
-    coefficients = {**known, "switching": switching, "kappa": a * switching}
+def _fold(diagnosis: Diagnosis, here: _SimpleZero, known: Mapping[str, float], switching: float) -> Loss:
+    coefficients = {**known, "switching": switching, "kappa": known["a"] * switching}
     if coefficients["kappa"] > 0.0:
         coefficients["delay"] = OMEGA_0 * coefficients["kappa"] ** (-1.0 / 3.0)
     verdict = consequences.fold(coefficients, diagnosis.nx)
     return diagnosis.loss(
-        at.z,
+        here.at.z,
         Contact.ZERO,
         LossKind.FOLD,
         "det g_y",
-        determinant,
+        here.determinant,
         verdict,
         coefficients=coefficients,
-        note=note,
+        note=here.note,
     )
 
 

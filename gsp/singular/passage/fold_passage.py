@@ -32,6 +32,7 @@ from gsp.algebra.laurent import laurent
 from gsp.critical.continuation.special_points import SpecialPoint, fold_vectors
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton, natural_scales
 from gsp.critical.minimally_augmented import identity, singular_near
+from gsp.critical.normal_forms import bordered
 from gsp.fibres.layer_flow import LayerFlow
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.lowering.compiled_flow import compile_flow
@@ -41,7 +42,7 @@ from gsp.results.tabular import Tabular
 from gsp.singular.passage.drop import Drop, drop_from
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.arguments import check_noun
-from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
+from gsp.systems.flow import Point, check_epsilon, complete, in_words, values_by_name
 from gsp.systems.region import Interval, check_region, powers_of_two
 from gsp.systems.system import SlowFastSystem
 
@@ -96,13 +97,12 @@ class FoldPassage(Card, Tabular):
         return {s.name: float(v) for s, v in zip(self.system.x, x)}
 
     def __repr__(self) -> str:
-        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
-        return f"FoldPassage({place}; a = {self.a:.6g}, b = {self.b:.6g})"
+        return f"FoldPassage({in_words(self.point)}; a = {self.a:.6g}, b = {self.b:.6g})"
 
     def __str__(self) -> str:
         names = [s.name for s in self.system.x]
         width = max(map(len, names))
-        lines = ["passage through the fold at " + ", ".join(f"{n} = {v:.10g}" for n, v in self.point.items())]
+        lines = ["passage through the fold at " + in_words(self.point, 10)]
         lines.append(f"  a = {self.a:.8g}, b = {self.b:.8g}, Omega_0 = {OMEGA_0:.12g}")
         for name, start, first, second in zip(names, self.x0, self.leading, self.logarithmic):
             terms = f"{start:.8g} {first:+.8g} epsilon^(2/3) {second:+.8g} epsilon ln epsilon"
@@ -146,7 +146,7 @@ def passage_at(
     problem, u, units = _located(system, fold, box or {}, sizes)
     m, n = len(system.x), len(system.y)
     x, y = u[:m], u[m:]
-    where = _shown(problem.point(u))
+    where = in_words(problem.point(u), 8)
     if box is not None:
         _check_inside(problem.point(u), box, where)
     jacobian = problem.jacobian(u)
@@ -194,8 +194,7 @@ def passage_at(
             "Orbits leave it before they reach the fold.",
         )
     # The centre manifold y = y_0 + r v + h v^2/2 with l . h = 0: g_y h = 2 a r - g_yy(r, r).
-    bordered = np.block([[g_y, r[:, None]], [left[None, :], np.zeros((1, 1))]])
-    h = np.linalg.solve(bordered, np.append(2.0 * a * r - bending, 0.0))[:n]
+    h = np.linalg.solve(bordered(g_y, r, left), np.append(2.0 * a * r - bending, 0.0))[:n]
     cubic = problem.third(u)(r, r, r) / 6.0
     c = float(left @ (cubic + 0.5 * np.einsum("ijk,j,k->i", second[:, m:, m:], r, h)))
     leading = f * OMEGA_0 * (a * b) ** (-1.0 / 3.0)
@@ -241,7 +240,7 @@ def _located(
             )
     u = np.array(complete(given, system.states, what="fold"))
     scales = natural_scales(problem, u, box) if sizes is None else np.array(sizes)
-    where = _shown(problem.point(u))
+    where = in_words(problem.point(u), 8)
     found = None
     try:
         near = singular_near(problem, identity, u, scales)
@@ -298,7 +297,3 @@ def _check_inside(point: Mapping[str, float], box: Mapping[str, Interval], where
                 "The passage leaves the region there; enlarge it.",
                 got=f"{name} in ({low:g}, {high:g})",
             )
-
-
-def _shown(point: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:.8g}" for name, value in point.items())

@@ -28,6 +28,7 @@ import sympy as sp
 from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
+from gsp.critical.normal_forms import bordered
 from gsp.errors import GspError
 from gsp.roots import root
 from gsp.singular.passage.complex_time import TurningPoint, turning_points
@@ -35,7 +36,7 @@ from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_passage import ZERO
 from gsp.singular.passage.slow_orbit import SlowOrbit
 from gsp.slow.series import expand
-from gsp.systems.flow import check_epsilon
+from gsp.systems.flow import check_epsilon, in_words
 
 # Zeros of the parabolic cylinder function are looked for up to here: exp(-z^2) is rounding by then.
 FARTHEST = 6.5
@@ -81,9 +82,8 @@ class PassedLoss:
         return None if z is None else self.t + z * float(np.sqrt(2.0 * small / self.crossing))
 
     def __str__(self) -> str:
-        place = ", ".join(f"{name} = {v:.8g}" for name, v in self.point.items())
-        rest = ", ".join(f"{name} = {v:.5g}" for name, v in self.coefficients.items())
-        return f"{self.kind} at {place}: {self.outcome}" + (f" ({rest})" if rest else "")
+        rest = in_words(self.coefficients, 5)
+        return f"{self.kind} at {in_words(self.point, 8)}: {self.outcome}" + (f" ({rest})" if rest else "")
 
     def __repr__(self) -> str:
         return f"PassedLoss({self})"
@@ -141,7 +141,7 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
             s.name: float(np.round(v / size, 3) * size) + 0.0 for s, v, size in zip(system.states, z, sizes)
         }
         if not invariant:
-            shown = ", ".join(f"{name} = {value:.4g}" for name, value in near.items())
+            shown = in_words(near, 4)
             raise PassageError(
                 f"the rightmost eigenvalue rises through 0 near {shown} with no speed, to a higher order, and the "
                 "branch is not invariant: how it is left is not decided here.",
@@ -190,8 +190,7 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     # At the loss, or all along the branch, second derivatives may be rounding; third ones say of which size.
     bent = np.abs(third.values).max(initial=0.0) * np.abs(path[:, m:] / unit).max()
     q = _settled(0.5 * float(l @ bending), size * float(max(bent, np.abs(second).max())))
-    bordered = np.block([[g_y, r[:, None]], [l[None, :], np.zeros((1, 1))]])
-    h = np.linalg.lstsq(bordered, np.append(2.0 * q * r - bending, 0.0), rcond=None)[0][:n]
+    h = np.linalg.lstsq(bordered(g_y, r, l), np.append(2.0 * q * r - bending, 0.0), rcond=None)[0][:n]
     cubic = third(r, r, r) / 6.0 + 0.5 * np.einsum("ijk,j,k->i", second, r, h)
     p = _settled(
         float(l @ cubic), size * float(np.abs(third.values).max(initial=0.0) + np.abs(second).max() ** 2)
