@@ -25,7 +25,7 @@ from gsp.errors import DeclarationError
 from gsp.results.card import Card
 from gsp.sliding.crossing_field import CrossingField
 from gsp.sliding.law import SwitchLaw, switch_law
-from gsp.systems.arguments import check_noun, shown
+from gsp.systems.arguments import shown
 from gsp.systems.declaration import checked_parameters, equations_of
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
@@ -179,8 +179,3 @@ def switching(
         raise DeclarationError("epsilon is a SymPy symbol.", got=f"{shown(epsilon)}; its value is given later")
     given = PiecewiseField(plus, minus, surface, {} if parameters is None else parameters, name)
     return given.smooth(law, epsilon)
-
-
-def check_piecewise(value: object, *, verb: str) -> None:
-    """Raise `DeclarationError` unless `value` is a `PiecewiseField`."""
-    check_noun(value, PiecewiseField, verb=verb)

@@ -34,8 +34,9 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_over
 from gsp.results.card import Card
 from gsp.sliding.law import LawEnd, SwitchLaw, switch_law
-from gsp.sliding.piecewise_field import PiecewiseField, check_piecewise
-from gsp.systems.flow import Point, check_epsilon, complete
+from gsp.sliding.piecewise_field import PiecewiseField
+from gsp.systems.arguments import check_noun
+from gsp.systems.flow import Point, check_epsilon, complete, in_words
 from gsp.systems.system import VectorField
 
 # T_n is reached from here; before T = -20 solutions differ by less than rounding but for n = 1, which begins exactly.
@@ -94,8 +95,7 @@ class SlidingExit(Card):
         }
 
     def __repr__(self) -> str:
-        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
-        return f"SlidingExit({self.kind} of X{'+' if self.side > 0 else '-'} at {place})"
+        return f"SlidingExit({self.kind} of X{'+' if self.side > 0 else '-'} at {in_words(self.point)})"
 
     def __str__(self) -> str:
         lines = [
@@ -123,7 +123,7 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
     >>> found.kind, found.exponent, round(found.prefactor, 9)
     (<LossKind.VISIBLE_FOLD: 'visible fold'>, 2/3, 1.121326758)
     """
-    check_piecewise(field, verb="sliding_exit")
+    check_noun(field, PiecewiseField, verb="sliding_exit")
     law = switch_law(phi)
     given = np.array(complete(fold, field.states, what="fold"))
     above, below = field.normal_rates

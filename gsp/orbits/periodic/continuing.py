@@ -177,28 +177,10 @@ def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
     mode = np.real(hopf.vector * np.exp(2j * np.pi * places[..., None]))
     # Each that fails is followed by one of a quarter of its size.
     for _ in range(6):
-        step = Cycle(mesh, size * mode, 0.0, 0.0)
         rest = Cycle(mesh, np.broadcast_to(point, mode.shape), 2.0 * np.pi / hopf.omega, hopf.value)
-        guess = rest.moved(step)
-        scales = scales_of(guess)
-        weight = guess.scheme.b[:, None] * guess.widths[:, None, None]
-        weights = step.values[:, 1:] / scales**2
-        norm = float(np.sum(weight * weights * step.values[:, 1:]))
-
-        def condition(cycle: Cycle, weights=weights, weight=weight, guess=guess, norm=norm) -> LinearCondition:
-            moved = cycle.values[:, 1:] - guess.values[:, 1:]
-            return LinearCondition(weights / norm, 0.0, 0.0, -float(np.sum(weight * weights * moved)) / norm)
-
-        solution = solve_cycle(
-            tracer.problem, guess, scales=scales,
-            conditions=lambda cycle, guess=guess, scales=scales, condition=condition: [
-                phase_condition(cycle, guess, scales), condition(cycle)
-            ],
-        )  # fmt: skip
-        if solution.status.ok:
-            row = tracer.settled(solution, condition, step)
-            if row is not None:
-                return row
+        row = _beside(tracer, rest, Cycle(mesh, size * mode, 0.0, 0.0))
+        if row is not None:
+            return row
         size *= 0.25
     raise OrbitError(
         f"no small cycle was found at the Hopf point {hopf.parameter} = {hopf.value:.10g}.",
@@ -207,6 +189,25 @@ def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
             "is 0"
         ),
     )
+
+
+def _beside(tracer: CycleTracer, rest: Cycle, step: Cycle) -> Row | None:
+    """The cycle as far from an equilibrium as the step leads, in its direction; None where Newton's method fails."""
+    guess = rest.moved(step)
+    scales = scales_of(guess)
+    weight = guess.scheme.b[:, None] * guess.widths[:, None, None]
+    weights = step.values[:, 1:] / scales**2
+    weights = weights / float(np.sum(weight * weights * step.values[:, 1:]))
+
+    def condition(cycle: Cycle) -> LinearCondition:
+        moved = cycle.values[:, 1:] - guess.values[:, 1:]
+        return LinearCondition(weights, 0.0, 0.0, -float(np.sum(weight * weights * moved)))
+
+    def conditions(cycle: Cycle) -> list[LinearCondition]:
+        return [phase_condition(cycle, guess, scales), condition(cycle)]
+
+    solution = solve_cycle(tracer.problem, guess, scales=scales, conditions=conditions)
+    return tracer.settled(solution, condition, step) if solution.status.ok else None
 
 
 # -- the result ------------------------------------------------------------------------------------

@@ -26,7 +26,6 @@ class Shot:
     period: float
     point: Point
     defect: float
-    laps: int
     status: Status
 
 
@@ -59,10 +58,8 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     start, defect, best = z.copy(), np.inf, (np.inf, z, T)
     status = Status.NOT_CONVERGED
     atol = 1e-3 * rtol * float(scales.min())
-    laps = 0
     # Newton's method with collocation's derivative converges at once or not at all.
     for _ in range(6):
-        laps += 1
         end = z.copy()
         record = run(Run(compiled, p, end, 0.0, np.array([T]), Control(Method.RADAU13, rtol, atol, 10**6)))
         if not record.status.ok:
@@ -88,4 +85,4 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     if defect <= 1e-11:
         status = Status.SUCCESS
     point = {symbol.name: float(value) for symbol, value in zip(flow.states, z)}
-    return Shot(float(abs(T)), point, defect, laps, status)
+    return Shot(float(abs(T)), point, defect, status)

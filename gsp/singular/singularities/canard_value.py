@@ -144,25 +144,17 @@ def canard_value(
     # Orders past this are refused: by then the rational coefficients have thousands of digits.
     check_whole(order, what="order", most=320)
     chosen, others = canard_point(field, declared=sp.Rational(system.parameters[field.a]), near=near)
-    algebraic = chosen.located.exact
-    answer = None
-    if algebraic is not None:
-        try:
-            answer = _exact(field, algebraic.values if not algebraic.is_rational else None, chosen, order)
-        except Inexact:
-            answer = None
-    is_exact = answer is not None
-    if answer is None:
-        answer = _numeric(field, chosen, order)
+    exact_answer = _exact(field, chosen, order)
+    coefficients, hopf_coefficients = exact_answer or _numeric(field, chosen, order)
     return CanardValue(
         system=system,
         parameter=field.a,
         order=order,
         point=chosen.point,
-        coefficients=answer[0],
-        hopf_coefficients=answer[1],
+        coefficients=coefficients,
+        hopf_coefficients=hopf_coefficients,
         genericity=chosen.coefficients,
-        is_exact=is_exact,
+        is_exact=exact_answer is not None,
         others=tuple(c.point for c in others),
         field=field,
         located=chosen.located,
@@ -172,19 +164,21 @@ def canard_value(
 Answer = tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]
 
 
-def _exact(
-    field: PlanarField, values: Mapping[sp.Symbol, Scalar] | None, chosen: CanardPoint, order: int
-) -> Answer:
-    exact_point = chosen.located.exact
-    assert exact_point is not None
-    if values is None:
-        scalars: Rationals = Rationals()
-        start = {s: flint.fmpq(v[0]) for s, v in exact_point.values.items()}
-    else:
-        scalars, start = Algebraic(exact_point.field), dict(values)
-    canard = formal_canard(field, scalars, start, order=order).parameter
-    hopf = hopf_series(field, scalars, start, order=order)
-    return tuple(map(scalars.expression, canard)), tuple(map(scalars.expression, hopf))
+def _exact(field: PlanarField, chosen: CanardPoint, order: int) -> Answer | None:
+    """Both series as exact numbers; None where the point has no formula, or a value on the way is not exact."""
+    point = chosen.located.exact
+    if point is None:
+        return None
+    scalars: Rationals = Rationals() if point.is_rational else Algebraic(point.field)
+    start: dict[sp.Symbol, Scalar] = dict(point.values)
+    if point.is_rational:
+        start = {s: flint.fmpq(v[0]) for s, v in point.values.items()}
+    try:
+        canard = formal_canard(field, scalars, start, order=order).parameter
+        hopf = hopf_series(field, scalars, start, order=order)
+        return tuple(map(scalars.expression, canard)), tuple(map(scalars.expression, hopf))
+    except Inexact:
+        return None
 
 
 def _numeric(field: PlanarField, chosen: CanardPoint, order: int) -> Answer:
