@@ -11,7 +11,8 @@ from __future__ import annotations
 import difflib
 import pickle
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from enum import Enum
 from typing import Never, Self
 
@@ -76,6 +77,15 @@ class GspError(ValueError):
         found = cls(printable(f"{place}: {error}"))
         found.__dict__.update(error.__dict__, fact=printable(f"{place}: {error.fact}"))
         return found
+
+
+@contextmanager
+def met_at(place: str) -> Iterator[None]:
+    """A `GspError` that is raised within has the `place` in front."""
+    try:
+        yield
+    except GspError as error:
+        raise error.under(place) from None
 
 
 class Reason(str):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from gsp.errors import UnsupportedFunctionError
+from gsp.errors import UnsupportedFunctionError, met_at
 
 Operand = Any
 """An `Element` of the ring or a `Node` of a series program; the rates are written once for both."""
@@ -144,10 +144,8 @@ def _share(condition: Any, whole: sp.Expr) -> sp.Expr:
 def require_rules(equations: Mapping[str, sp.Expr]) -> None:
     """Raise `UnsupportedFunctionError` for the first of `equations`, by the left side, that has no power series."""
     for left, expression in equations.items():
-        try:
+        with met_at(f"in the equation for {left}"):
             are_rational([expression])
-        except UnsupportedFunctionError as error:
-            raise error.under(f"in the equation for {left}") from None
 
 
 def are_rational(expressions: Iterable[sp.Expr]) -> bool:

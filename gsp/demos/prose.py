@@ -7,7 +7,7 @@ import re
 import sympy as sp
 from markupsafe import Markup, escape
 
-from gsp.errors import ModelFileError, printable
+from gsp.errors import ModelFileError, met_at, printable
 from gsp.readers.expressions import FUNCTIONS, parse_expression
 from gsp.results.lettering import in_unicode
 from gsp.results.mathml import Typesetter, dotted, math, operator
@@ -47,10 +47,8 @@ def formula(text: str) -> Markup:
         elif _NUMBER.fullmatch(piece):
             made.append(f"<mn>{piece.replace('-', '−')}</mn>")
         else:
-            try:
+            with met_at(f"in the formula {text[:60]}"):
                 made.append(setter.row(parse_expression(piece, symbols=symbols)))
-            except ModelFileError as error:
-                raise error.under(f"in the formula {text[:60]}") from None
     return Markup(math(*made))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import sympy as sp
 
 from gsp.demos.prose import markup
-from gsp.errors import ModelFileError, printable
+from gsp.errors import ModelFileError, met_at, printable
 from gsp.readers.expressions import parse_expression
 from gsp.readers.limits import at_most
 from gsp.readers.toml import parsed, text_of
@@ -47,10 +47,8 @@ NAME = 120
 def read_story(path: str | Path) -> dict:
     """The tables of a story's file, decimals exact; raises `ModelFileError` for one that is unreadable or no TOML."""
     file = Path(path)
-    try:
+    with met_at(file.name):
         return parsed(text_of(file))
-    except ModelFileError as error:
-        raise error.under(file.name) from None
 
 
 def quantities_of(document: Mapping[str, Any], scene: Scene) -> dict[sp.Symbol, sp.Expr]:
@@ -66,10 +64,8 @@ def quantities_of(document: Mapping[str, Any], scene: Scene) -> dict[sp.Symbol, 
             raise ModelFileError(f"{place} is no name.", "A name is a letter, then letters, digits and _.")
         if name in taken:
             raise ModelFileError(f"{place} is a name of the model already.", "Choose another name.", value=name)
-        try:
+        with met_at(place):
             found[sp.Symbol(name)] = parse_expression(value, symbols=symbols)
-        except ModelFileError as error:
-            raise error.under(place) from None
     return found
 
 
@@ -126,16 +122,13 @@ class _Reader:
             raise ModelFileError("a story has steps.", "Begin each with [[steps]] on a line of its own.")
         # A story that is longer is told by nobody.
         at_most(64, len(steps), "the story has", "steps", "Make two of it.")
-        found["steps"] = [self.step(step, k, bool(found.get("work"))) for k, step in enumerate(steps, 1)]
+        found["steps"] = []
+        for k, step in enumerate(steps, 1):
+            with met_at(f"step {k}"):
+                found["steps"].append(self.step(step, bool(found.get("work"))))
         return found
 
-    def step(self, step: dict, k: int, works: bool) -> dict[str, Any]:
-        try:
-            return self._step(step, works)
-        except ModelFileError as error:
-            raise error.under(f"step {k}") from None
-
-    def _step(self, step: dict, works: bool) -> dict[str, Any]:
+    def step(self, step: dict, works: bool) -> dict[str, Any]:
         check_keys(step, STEP)
         if "text" not in step:
             raise ModelFileError("a step has a text.", 'Write text = "What is seen."')

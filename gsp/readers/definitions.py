@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
 
 import sympy as sp
 
-from gsp.errors import ModelFileError
+from gsp.errors import ModelFileError, met_at
 from gsp.readers.expressions import FUNCTIONS, RESERVED, Definition, Definitions, parse_expression
 from gsp.readers.limits import at_most
 from gsp.readers.tokens import tokenise
+from gsp.readers.toml_values import body
 
 ARGUMENTS = 32
 
@@ -25,15 +27,15 @@ _WORD = r"[A-Za-z][A-Za-z0-9_]{0,63}"
 _HEAD = re.compile(rf"({_WORD})\s*(?:\(\s*({_WORD}(?:\s*,\s*{_WORD})*)\s*\))?")
 
 
-def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol]) -> Definitions:
-    """The definitions of `table`, {"name" or "name(argument, ...)": text}, over the `symbols` of the model.
+def read_definitions(table: Mapping[str, object], symbols: Mapping[str, sp.Symbol]) -> Definitions:
+    """The definitions of `table`, {"name" or "name(argument, ...)": text or number}, over the `symbols` of the model.
 
     Raises `ModelFileError` for a name or an argument that means something already, for one that is not declared, and
     for a circle, which is named.
     """
     at_most(2000, len(table), "definitions holds", "names", "Keep fewer.")
     definitions = Definitions()
-    for head, text in table.items():
+    for head, value in table.items():
         name, arguments = _head(head)
         key = f"definitions.{head}"
         for word in (name, *arguments):
@@ -45,10 +47,9 @@ def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol])
                 )
         if name in definitions:
             raise ModelFileError(f"{key}: {name} is defined twice.", "Keep one of the two.")
-        try:
+        text = body(value, f"definitions.{head[:80]}")
+        with met_at(key):
             definitions[name] = Definition(head, arguments, text, tuple(tokenise(text, FUNCTIONS)))
-        except ModelFileError as error:
-            raise error.under(key) from None
     for definition in definitions.values():
         hidden = [word for word in definition.arguments if word in definitions]
         if hidden:
@@ -59,10 +60,8 @@ def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol])
     _refuse_circles(definitions)
     for definition in definitions.values():
         own = {word: sp.Symbol(word) for word in definition.arguments}
-        try:
+        with met_at(f"definitions.{definition.head}"):
             parse_expression(definition.text, symbols={**symbols, **own}, definitions=definitions)
-        except ModelFileError as error:
-            raise error.under(f"definitions.{definition.head}") from None
     return definitions
 
 
@@ -88,21 +87,11 @@ def _refuse_circles(definitions: Mapping[str, Definition]) -> None:
         name: [t.text for t in definition.tokens if t.kind == "name" and t.text in definitions]
         for name, definition in definitions.items()
     }
-    done: set[str] = set()
-    for first in uses:
-        path = [(first, iter(uses[first]))]
-        while path:
-            name, rest = path[-1]
-            following = next((word for word in rest if word not in done), None)
-            if following is None:
-                done.add(name)
-                path.pop()
-                continue
-            names = [step for step, _ in path]
-            if following in names:
-                circle = [*names[names.index(following) :], following]
-                raise ModelFileError(
-                    f"definitions: {' -> '.join(circle)[:300]} is a circle.",
-                    "Write one of them out without the others.",
-                )
-            path.append((following, iter(uses[following])))
+    try:
+        TopologicalSorter(uses).prepare()
+    except CycleError as error:
+        # Each is used by the next there.
+        circle = " -> ".join(reversed(error.args[1]))
+        raise ModelFileError(
+            f"definitions: {circle[:300]} is a circle.", "Write one of them out without the others."
+        ) from None

@@ -19,7 +19,7 @@ from typing import NamedTuple, NoReturn
 
 import sympy as sp
 
-from gsp.errors import ModelFileError, nearest
+from gsp.errors import ModelFileError, met_at, nearest
 from gsp.readers.limits import at_most
 from gsp.readers.nodes import ExpressionNode, NodeBuilder
 from gsp.readers.parts import Parts
@@ -293,10 +293,8 @@ class _Parser:
         self.enter(token.position)
         outer = self.text, self.tokens, self.index, self.arguments
         self.text, self.tokens, self.index, self.arguments = definition.text, [*definition.tokens], 0, places
-        try:
+        with met_at(f"in {definition.head}"):
             node = self.whole()
-        except ModelFileError as error:
-            raise error.under(f"in {definition.head}") from None
         self.text, self.tokens, self.index, self.arguments = outer
         self.depth -= 1
         return node

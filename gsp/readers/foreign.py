@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import sympy as sp
@@ -21,7 +21,7 @@ from gsp.scenes.scene import Scene
 SMALL = ("epsilon", "eps")
 # A parameter that is larger is not small by its name alone.
 LARGEST = 0.1
-_NAMES = re.compile(r"(?<![A-Za-z0-9_.])[A-Za-z_][A-Za-z0-9_]*")
+WORDS = re.compile(r"(?<![A-Za-z0-9_.])[A-Za-z_][A-Za-z0-9_]*")
 
 
 @dataclass
@@ -134,6 +134,14 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun[:-1]}ies" if noun.endswith("ty") else f"{number} {noun}s"
 
 
+def free_name(name: str, taken: set[str]) -> str:
+    """`name`, or one like it where it is taken or too long; it is taken from now on."""
+    if name in taken or len(name) > 64:
+        return fresh_name(name, taken)
+    taken.add(name)
+    return name
+
+
 def fresh_name(name: str, taken: set[str]) -> str:
     """A name like `name` that nothing has yet, and that is taken from now on."""
     new = next(new for new in (f"{name[:58]}_{k}" for k in range(1, len(taken) + 2)) if new not in taken)
@@ -223,17 +231,19 @@ def _others(model: ForeignModel, name: str) -> str:
     return ", ".join(other for other in model.parameters if other != name)[:300] or "none"
 
 
-def _reached(model: ForeignModel) -> set[str]:
-    """The names in the rates, by way of definitions too."""
-    bodies = {head.partition("(")[0].strip(): text for head, text in model.definitions.items()}
-    waiting, reached = list(model.states.values()), set()
+def names_in(rates: Iterable[str], bodies: Mapping[str, str]) -> set[str]:
+    """The names in `rates`, by way of definitions too, of which `bodies` has the texts."""
+    waiting, reached = list(rates), set[str]()
     while waiting:
-        for name in _NAMES.findall(waiting.pop()):
-            if name not in reached:
-                reached.add(name)
-                if name in bodies:
-                    waiting.append(bodies[name])
+        new = set(WORDS.findall(waiting.pop())) - reached
+        reached |= new
+        waiting += [bodies[name] for name in new if name in bodies]
     return reached
+
+
+def _reached(model: ForeignModel) -> set[str]:
+    bodies = {head.partition("(")[0].strip(): text for head, text in model.definitions.items()}
+    return names_in(model.states.values(), bodies)
 
 
 def _written(model: ForeignModel, small: str | None, notes: Collection[str], *, fast: Collection[str]) -> str:
@@ -247,25 +257,19 @@ def _written(model: ForeignModel, small: str | None, notes: Collection[str], *, 
         "[parameters]",
     ]
     lines += [f"{name} = {json.dumps(number)}" for name, number in model.parameters.items() if name != small]
-    tables = (("definitions", model.definitions), ("states", model.states), ("observables", model.observables))
-    for title, table in tables:
-        if table:
-            lines += [
-                "",
-                f"[{title}]",
-                *(f"{json.dumps(key)} = {json.dumps(text)}" for key, text in table.items()),
-            ]
     # Without a small parameter a region comes from a run, where one is needed.
     region = model.bounds if small is None else _region(model, fast)
-    if region:
-        lines += ["", "[region]", *(f"{name} = [{low}, {high}]" for name, (low, high) in region.items())]
-    lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in model.starts.items())]
-    for title, start in model.other_starts.items():
-        lines += [
-            "",
-            f"[starts.{title}]",
-            *(f"{name} = {json.dumps(number)}" for name, number in start.items()),
-        ]
+    tables = {
+        "definitions": _quoted(model.definitions),
+        "states": _quoted(model.states),
+        "observables": _quoted(model.observables),
+        "region": {name: f"[{low}, {high}]" for name, (low, high) in region.items()},
+        "start": _quoted(model.starts),
+        **{f"starts.{title}": _quoted(start) for title, start in model.other_starts.items()},
+    }
+    for title, table in tables.items():
+        if table:
+            lines += ["", f"[{title}]", *(f"{json.dumps(key)} = {value}" for key, value in table.items())]
     for title, (axes, ranges) in model.views.items():
         lines += ["", f"[views.{title}]", *(f"{axis} = {json.dumps(name)}" for axis, name in zip("xyz", axes))]
         inner = ", ".join(f"{name} = [{', '.join(map(json.dumps, ends))}]" for name, ends in ranges.items())
@@ -275,6 +279,10 @@ def _written(model: ForeignModel, small: str | None, notes: Collection[str], *, 
     if model.path is not None:
         lines.append(f"path = {json.dumps(list(model.path))}")
     return "\n".join(lines) + "\n"
+
+
+def _quoted(table: Mapping[str, str]) -> dict[str, str]:
+    return {key: json.dumps(text) for key, text in table.items()}
 
 
 def _region(model: ForeignModel, fast: Collection[str]) -> dict[str, tuple[float, float]]:

@@ -96,10 +96,7 @@ class _Mechanics:
         self.clock = [values.text(self.table["time"], "mechanics.time", 64)] if "time" in self.table else []
         self.epsilon = values.text(document.get("epsilon", "epsilon"), "epsilon", 64)
         self.symbols = {s: sp.Symbol(s) for s in self._names()}
-        heads = values.table(document, "definitions")
-        self.definitions: Definitions = read_definitions(
-            {head: values.body(text, f"definitions.{head[:80]}") for head, text in heads.items()}, self.symbols
-        )
+        self.definitions: Definitions = read_definitions(values.table(document, "definitions"), self.symbols)
 
     def document(self) -> tuple[dict, Contacts | None]:
         """The file with its equations written out, and what its contacts bear."""
@@ -158,10 +155,8 @@ class _Mechanics:
             if key not in scene:
                 raise ModelFileError(f"scene.{key} is missing.", "Give span and epsilon under [scene].")
         return friction.scene(
-            region={k: values.pair(v, f"region.{k}") for k, v in values.table(self.whole, "region").items()},
-            start={
-                k: float(values.number(v, f"start.{k}")) for k, v in values.table(self.whole, "start").items()
-            },
+            region=values.box(self.whole, "region"),
+            start=values.point(self.whole, "start"),
             span=values.pair(scene["span"], "scene.span"),
             epsilon=float(values.number(scene["epsilon"], "scene.epsilon")),
             name=self.name,

@@ -36,13 +36,7 @@ def read_ramps(
                 raise ModelFileError(
                     f"{key}.parameters.{parameter[:64]} is unknown.{nearest(parameter[:64], symbols)}"
                 )
-        points = {
-            what: {
-                state: float(values.number(value, f"{key}.{what}.{state[:64]}"))
-                for state, value in values.table(table, what).items()
-            }
-            for what in ("edge", "start")
-        }
+        points = {what: values.point(table, what, f"{key}.{what}") for what in ("edge", "start")}
         if profile in KINDS:
             if "ends" in table:
                 raise ModelFileError(f"{key}.ends belongs to a profile that is an expression.", "Leave it out.")

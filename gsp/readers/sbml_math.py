@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from decimal import Decimal
+from functools import reduce
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -32,6 +33,12 @@ _COMPARED = {
     "AST_RELATIONAL_LEQ": "<=",
     "AST_RELATIONAL_EQ": "==",
     "AST_RELATIONAL_NEQ": "!=",
+}
+# How conditions are joined, and what none at all are.
+_JOINED = {
+    "AST_LOGICAL_AND": (conditions.both, "1"),
+    "AST_LOGICAL_OR": (conditions.either, "0"),
+    "AST_LOGICAL_XOR": (conditions.one_of, "0"),
 }
 _REFUSED = {
     "AST_FUNCTION_DELAY": "a delay",
@@ -142,12 +149,8 @@ class Mathematics:
             return Text(f"a{_RECIPROCAL[word[3:]]}(1/{inner})", _ATOM)
         if word in ("MIN", "MAX") and children:
             return self.extremum(word.lower(), children)
-        if kind == "AST_LOGICAL_AND":
-            return self.joined([self.condition(child) for child in children], conditions.both, "1")
-        if kind == "AST_LOGICAL_OR":
-            return self.joined([self.condition(child) for child in children], conditions.either, "0")
-        if kind == "AST_LOGICAL_XOR":
-            return self.joined([self.condition(child) for child in children], conditions.one_of, "0")
+        if kind in _JOINED:
+            return self.joined([self.condition(child) for child in children], *_JOINED[kind])
         if kind == "AST_LOGICAL_NOT":
             return Text(conditions.negated(self.condition(children[0])), _ATOM, True)
         if kind == "AST_LOGICAL_IMPLIES":
@@ -227,9 +230,7 @@ class Mathematics:
 
     @staticmethod
     def joined(pieces: list[str], join: Callable[[str, str], str], empty: str) -> Text:
-        text = pieces[0] if pieces else empty
-        for piece in pieces[1:]:
-            text = join(text, piece)
+        text = reduce(join, pieces) if pieces else empty
         return Text(text if text.startswith("abs(") else f"({text})", _ATOM, True)
 
     @staticmethod

@@ -12,7 +12,7 @@ import sympy as sp
 from gsp.errors import ModelFileError
 from gsp.readers.conditions import POSITIVE
 from gsp.readers.expressions import RESERVED
-from gsp.readers.foreign import ForeignModel, counted, fresh_name
+from gsp.readers.foreign import ForeignModel, counted, free_name
 from gsp.readers.sbml_math import Mathematics, decimal, names_in
 from gsp.readers.sbml_values import Values, exact, fraction_text
 
@@ -127,10 +127,7 @@ class Quantities:
 
     def new(self, word: str) -> str:
         """`word`, or one like it where it is taken."""
-        if word in self.taken or len(word) > 64:
-            return fresh_name(word, self.taken)
-        self.taken.add(word)
-        return word
+        return free_name(word, self.taken)
 
     def time(self) -> str:
         self.time_used = True

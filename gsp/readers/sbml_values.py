@@ -8,7 +8,7 @@ from typing import Any
 import sympy as sp
 
 from gsp.algebra.substitution import substituted
-from gsp.errors import ModelFileError
+from gsp.errors import ModelFileError, met_at
 from gsp.readers.definitions import read_definitions
 from gsp.readers.expressions import Definitions, parse_expression
 from gsp.readers.tokens import DIGITS, parse_number
@@ -61,10 +61,8 @@ class Values:
         free = {word: symbol for word, symbol in symbols.items() if word not in names}
         if self.definitions[0] != len(heads):
             self.definitions = len(heads), read_definitions(heads, free)
-        try:
+        with met_at(f"the value of {what[:64]}"):
             expression = parse_expression(text, symbols=free, definitions=self.definitions[1])
-        except ModelFileError as error:
-            raise error.under(f"the value of {what[:64]}") from None
         at: dict[sp.Symbol, sp.Expr] = {}
         for symbol in sorted(expression.free_symbols, key=str):
             if symbol.name in own:

@@ -226,8 +226,8 @@ def scene_of(document: dict, file: Path) -> Scene:
     drivers = tables["reconstruction"]
     return Scene(
         system=system,
-        region={key: values.pair(value, f"region.{key}") for key, value in tables["region"].items()},
-        start={key: float(values.number(value, f"start.{key}")) for key, value in tables["start"].items()},
+        region=values.box(tables, "region"),
+        start=values.point(tables, "start"),
         span=values.pair(scene["span"], "scene.span"),
         **given,
         reconstruction={
@@ -236,7 +236,10 @@ def scene_of(document: dict, file: Path) -> Scene:
         },
         path=values.path(scene.get("path")),
         claims=_claims(tables["claims"], symbols, definitions),
-        starts=_starts(tables["starts"]),
+        starts={
+            name: values.point(tables["starts"], name, key)
+            for name, key, _ in values.named_tables("starts", tables["starts"], 64, holds=" of numbers")
+        },
         views=_views(tables["views"]),
         second=second,
         ramps=read_ramps(tables["ramps"], symbols, definitions),
@@ -285,10 +288,7 @@ def _system(
         at_most(limit, count, f"{', '.join(kinds)} hold", "names", "Use a smaller model.")
     small = {epsilon: ""} if has_small else {}
     symbols = _symbols({"epsilon": small, "parameters": tables["parameters"], **equations})
-    definitions = read_definitions(
-        {head: values.body(value, f"definitions.{head[:80]}") for head, value in tables["definitions"].items()},
-        symbols,
-    )
+    definitions = read_definitions(tables["definitions"], symbols)
     driven = {symbols[key] for key in tables["reconstruction"]}
 
     def rates(kind: str) -> dict[sp.Symbol, sp.Expr]:
@@ -389,20 +389,9 @@ def _views(tables: Mapping[str, object]) -> dict[str, View]:
         axes = [
             values.text(table[axis], f"{key}.{axis}", TEXT["name"]) for axis in ("x", "y", "z") if axis in table
         ]
-        ranges = values.table(table, "ranges")
         found[name] = View(
             *axes,
             title=values.text(table.get("title", ""), f"{key}.title", TEXT["title"]),
-            ranges={item: values.pair(value, f"{key}.ranges.{item[:64]}") for item, value in ranges.items()},
+            ranges=values.box(table, "ranges", f"{key}.ranges"),
         )
-    return found
-
-
-def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:
-    """Further starts, [starts.NAME] each: what differs from [start]."""
-    found = {}
-    for name, key, table in values.named_tables("starts", tables, 64, holds=" of numbers"):
-        found[name] = {
-            state: float(values.number(value, f"{key}.{state[:64]}")) for state, value in table.items()
-        }
     return found

@@ -8,7 +8,7 @@ from decimal import Decimal
 
 import sympy as sp
 
-from gsp.errors import ModelFileError, nearest
+from gsp.errors import ModelFileError, met_at, nearest
 from gsp.readers.expressions import CHARACTERS, Definitions, parse_expression
 from gsp.readers.limits import at_most
 from gsp.readers.tokens import parse_number
@@ -114,6 +114,18 @@ def pair(value: object, key: str) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
+def point(document: dict, key: str, place: str = "") -> dict[str, float]:
+    """The numbers by name of the table under `key`, which is that of `place`."""
+    place = place or key
+    return {name: float(number(value, f"{place}.{name[:64]}")) for name, value in table(document, key).items()}
+
+
+def box(document: dict, key: str, place: str = "") -> dict[str, tuple[float, float]]:
+    """The pairs of numbers by name of the table under `key`, which is that of `place`."""
+    place = place or key
+    return {name: pair(value, f"{place}.{name[:64]}") for name, value in table(document, key).items()}
+
+
 def path(value: object, key: str = "scene.path") -> tuple[str, str] | None:
     """A pair of names, or None."""
     if value is None:
@@ -160,8 +172,6 @@ def expression(value: object, key: str, symbols: Mapping[str, sp.Symbol], defini
     if isinstance(value, sp.Expr):
         return value
     if isinstance(value, str):
-        try:
+        with met_at(key):
             return parse_expression(value, symbols=symbols, definitions=definitions)
-        except ModelFileError as error:
-            raise error.under(key) from None
     return number(value, key)

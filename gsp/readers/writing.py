@@ -158,8 +158,7 @@ def _view(view: View) -> dict[str, str]:
     if view.title:
         written["title"] = _quoted(view.title)
     if view.ranges:
-        inner = ", ".join(f"{_key(name)} = {_list(interval)}" for name, interval in view.ranges.items())
-        written["ranges"] = f"{{{inner}}}"
+        written["ranges"] = _inline({name: _list(interval) for name, interval in view.ranges.items()})
     return written
 
 

@@ -10,12 +10,12 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from gsp.errors import ModelFileError
+from gsp.errors import ModelFileError, met_at
 from gsp.readers.expressions import CHARACTERS
-from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
+from gsp.readers.foreign import WORDS, ForeignModel, counted, fresh_name, names_in, number_in
 from gsp.readers.xppaut_arrays import WRITTEN, without_sums, written_out
 from gsp.readers.xppaut_conditions import without_conditions
-from gsp.readers.xppaut_functions import WORDS, Helpers
+from gsp.readers.xppaut_functions import Helpers
 from gsp.readers.xppaut_lines import (
     MISSING,
     WORD,
@@ -86,7 +86,8 @@ def read_ode(text: str) -> ForeignModel:
     model = ForeignModel("an .ode file of XPPAUT", parameters=file.parameters)
     model.starts = {name: file.starts.get(name, "0") for name in file.states}
 
-    live = _live(file)
+    bodies = {name: text for name, (_, _, text) in file.definitions.items()}
+    live = names_in((text for _, text in file.states.values()), bodies)
     for name, (number, reason) in file.missing.items():
         if name in live:
             fail(number, reason, "Remove it.")
@@ -131,17 +132,6 @@ def read_ode(text: str) -> ForeignModel:
     _take_windows(file, model)
     _take_notes(file, model, late)
     return model
-
-
-def _live(file: _File) -> set[str]:
-    """The names that the rates use, by way of definitions too."""
-    waiting, live = [text for _, text in file.states.values()], set[str]()
-    while waiting:
-        for word in set(WORDS.findall(waiting.pop())) - live:
-            live.add(word)
-            if word in file.definitions:
-                waiting.append(file.definitions[word][2])
-    return live
 
 
 def _check_kept(name: str, number: int, text: str, dropped: set[str]) -> None:
@@ -297,10 +287,8 @@ def _expression(number: int, text: str, helpers: Helpers, order: tuple[str, ...]
     """An expression in the grammar of model files, which is checked when the result is read."""
     if len(text) > CHARACTERS:
         fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
-    try:
+    with met_at(f"line {number}"):
         text = without_sums(text, order, longest=CHARACTERS)
-    except ModelFileError as error:
-        raise error.under(f"line {number}") from None
     for word in WORDS.findall(text):
         if word in _NO_FUNCTIONS:
             fail(
@@ -313,9 +301,8 @@ def _expression(number: int, text: str, helpers: Helpers, order: tuple[str, ...]
             number, "a power of a power reads differently from program to program", "Put parentheses: (x^y)^z."
         )
     try:
-        text = without_conditions(text, positive=lambda: helpers.name("positive"))
-    except ModelFileError as error:
-        raise error.under(f"line {number}") from None
+        with met_at(f"line {number}"):
+            text = without_conditions(text, positive=lambda: helpers.name("positive"))
     except RecursionError:
         fail(number, "an expression is nested too deeply", "Remove parentheses.")
     text = helpers.with_jumps(text)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import reduce
 
 from gsp.errors import ModelFileError
 from gsp.readers import conditions
@@ -142,7 +143,4 @@ class _ConditionReader:
                 raise ModelFileError(
                     f"{shown!r} has & or | beside other operators.", "Put parentheses around each side."
                 )
-        found = texts[0]
-        for text in texts[1:]:
-            found = join(found, text)
-        return found
+        return reduce(join, texts)

@@ -6,9 +6,8 @@ import re
 from fractions import Fraction
 
 from gsp.readers.conditions import POSITIVE
-from gsp.readers.foreign import fresh_name
+from gsp.readers.foreign import WORDS, free_name
 
-WORDS = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*"
 _JUMP_OF_NUMBERS = re.compile(rf"(?<![a-z0-9_.])(mod|flr)\s*\({_NUMBER}(?:,{_NUMBER})?\)")
 # What a step is made of, and XPPAUT's jumps. atan(tan(u)) is a line on each period: `near` is u less the whole number
@@ -36,10 +35,9 @@ class Helpers:
     def name(self, word: str) -> str:
         """What the helper `word` is called here."""
         if word not in self._made:
-            self._made[word] = name = word if word not in self._taken else fresh_name(word, self._taken)
-            self._taken.add(name)
+            self._made[word] = name = free_name(word, self._taken)
             arguments, body = HELPERS[word]
-            own = {a: a if a not in self._taken else fresh_name(a, self._taken) for a in arguments}
+            own = {a: free_name(a, {*self._taken}) for a in arguments}
             head = f"{name}({', '.join(own.values())})"
             own |= {word: self.name(word) for word in set(WORDS.findall(body)) & HELPERS.keys()}
             self._definitions[head] = WORDS.sub(lambda match: own.get(match[0], match[0]), body)

@@ -6,12 +6,12 @@ is told: as the steps get small, XPPAUT's runs tend to those of the model file.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from graphlib import CycleError, TopologicalSorter
 
 from gsp.errors import ModelFileError
-
-_NAMES = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
+from gsp.readers.foreign import WORDS
 
 Quantities = Mapping[str, tuple[int, tuple[str, ...], str]]
 Uses = Mapping[str, set[str]]
@@ -25,7 +25,7 @@ def taken_a_step_late(
     `quantities` are (line, arguments, text) by name, in order; `derived` those with `!`, `moving` the states and t.
     Raises `ModelFileError` for a `!` quantity that uses what moves, or another `!` quantity below it.
     """
-    uses = {name: set(_NAMES.findall(text)) - set(own) for name, (_, own, text) in quantities.items()}
+    uses = {name: set(WORDS.findall(text)) - set(own) for name, (_, own, text) in quantities.items()}
     carried = _carried(uses, moving)
     for name in quantities:
         if name in derived and name in carried:
@@ -61,18 +61,13 @@ def _below(quantities: Quantities, uses: Uses, functions: set[str], names: Colle
 
 
 def _innermost_first(functions: Collection[str], uses: Uses) -> Iterator[str]:
-    """The functions, each behind those that it uses; a circle, which is refused elsewhere, is cut somewhere."""
-    begun: set[str] = set()
-    for first in functions:
-        waiting = [(first, False)]
-        while waiting:
-            name, is_ready = waiting.pop()
-            if is_ready:
-                yield name
-            elif name not in begun:
-                begun.add(name)
-                waiting.append((name, True))
-                waiting += [(word, False) for word in uses[name] if word in functions and word not in begun]
+    """The functions, each behind those that it uses; without a circle, which is refused elsewhere, and what uses it."""
+    order = TopologicalSorter({name: uses[name].intersection(functions) for name in functions})
+    with suppress(CycleError):
+        order.prepare()
+    while ready := order.get_ready():
+        yield from ready
+        order.done(*ready)
 
 
 def _carried(uses: Uses, moving: Collection[str]) -> dict[str, str]:

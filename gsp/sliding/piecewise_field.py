@@ -21,7 +21,7 @@ import sympy as sp
 from gsp.algebra.brevity import brief, in_factors, in_lowest_terms
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import lowest_terms
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, met_at
 from gsp.results.card import Card
 from gsp.sliding.crossing_field import CrossingField
 from gsp.sliding.law import SwitchLaw, switch_law
@@ -61,7 +61,7 @@ class PiecewiseField(Card):
             )
         surface = equations_of({next(iter(plus)): self.surface}, "surface")
         for name, rates in (("plus", plus), ("minus", minus), ("surface", surface)):
-            try:
+            with met_at(name):
                 parameters = checked_parameters(
                     states=tuple(plus),
                     expressions=tuple(rates.values()),
@@ -69,8 +69,6 @@ class PiecewiseField(Card):
                     epsilon=None,
                     parameters=self.parameters,
                 )
-            except DeclarationError as error:
-                raise error.under(name) from None
         (crossed,) = surface.values()
         if crossed.free_symbols.isdisjoint(plus):
             raise DeclarationError("the surface depends on no state.", got=str(crossed), value=crossed)

@@ -14,7 +14,7 @@ from gsp.algebra.canonical import new_parts
 from gsp.algebra.laurent import misplaced_epsilon
 from gsp.algebra.substitution import UNCOMPARABLE, is_long_power
 from gsp.algebra.switches import misplaced_pieces, surface_of
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, met_at
 from gsp.systems.arguments import hides, shown
 from gsp.systems.flow import Values
 
@@ -364,10 +364,8 @@ def reconstruction_of(field: Any, reconstruction: Mapping | None) -> dict[sp.Sym
             )
     known = {*roles, *(symbol.name for symbol in rates)}
     for symbol, rate in rates.items():
-        try:
+        with met_at(f"the reconstruction of {symbol}"):
             _check_pieces(rate, _innermost_first(rate, {}))
-        except DeclarationError as error:
-            raise error.under(f"the reconstruction of {symbol}") from None
         unknown = sorted(s.name for s in rate.free_symbols if s.name not in known)
         if unknown:
             raise DeclarationError.none_of(
