@@ -120,22 +120,6 @@ def _failures(analysis: Analysis) -> Axes:
     return failure_map(analysis.failures, stacked=True)
 
 
-def _no_slip(analysis: Analysis) -> Axes:
-    assert analysis.no_slip is not None
-    return no_slip(analysis.no_slip)
-
-
-def _ramp(analysis: Analysis) -> Axes:
-    found = drawn_ramp(analysis.scene)
-    assert found is not None
-    return critical_rate(found)
-
-
-def _passage(analysis: Analysis) -> Axes:
-    assert analysis.boundary.passage is not None
-    return passage_strip(analysis.boundary.passage)
-
-
 def _phenomenon(analysis: Analysis) -> Axes:
     found = analysis.phenomenon
     return mixed_mode(found) if isinstance(found, MixedMode) else relaxation(analysis)
@@ -155,9 +139,9 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     if "phenomenon" in analysis.lost or analysis.phenomenon is not None:
         charts["phenomenon"] = _phenomenon
     if "no_slip" in analysis.lost or analysis.no_slip is not None:
-        charts["no_slip"] = _no_slip
+        charts["no_slip"] = lambda result: no_slip(result.no_slip)
     if attempt("the ramps", lambda: drawn_ramp(analysis.scene)) is not None:
-        charts["ramp"] = _ramp
+        charts["ramp"] = lambda result: critical_rate(drawn_ramp(result.scene))
     charts["phase_portrait"] = phase_portrait
     if (
         analysis.hyperbolicity.failing
@@ -183,5 +167,5 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts["failure_map"] = _failures
     proved = attempt("the passage", lambda: analysis.boundary.passage)
     if isinstance(proved, PassageCertificate) and proved.epsilon_0 > 0.0:
-        charts["passage"] = _passage
+        charts["passage"] = lambda result: passage_strip(result.boundary.passage)
     return charts

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
-from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, mathematics, name_axes
+from gsp.charts.style import BLUE, INK, SERIES, VERMILION, chart, legend, mathematics, name_axes, solid_axes
 from gsp.orbits.canard_orbits.canard import CanardKind
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
 
@@ -82,12 +81,7 @@ def canard_orbits(orbits: CanardOrbits, axes: Any, *, shown: int = 4) -> None:
         axes.plot([], [], color=colour, lw=1.0, label=label)
     axes.view_init(elev=20, azim=-65)
     axes.set_box_aspect((1.7, 1.0, 1.0))
-    for axis, i in zip((axes.xaxis, axes.yaxis, axes.zaxis), order):
-        axis.set_major_locator(MaxNLocator(4))
-        axis.set_pane_color((1, 1, 1, 0))
-        axis.line.set_color(PALE)
-        axis.set_rotate_label(False)
-        axis.set_label_text(mathematics(orbits.system.states[i].name))
+    solid_axes(axes, [orbits.system.states[i].name for i in order])
     legend(axes, columns=4)
 
 

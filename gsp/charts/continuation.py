@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from gsp.charts.style import (
@@ -20,8 +19,8 @@ from gsp.charts.style import (
     chart,
     legend,
     limits,
-    mathematics,
     name_axes,
+    solid_axes,
 )
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
@@ -126,9 +125,5 @@ def critical_sheet(sheet: CriticalSheet, axes: Any, *, name: str | None = None) 
         setter(values.min(), values.max())
     axes.view_init(elev=22, azim=-62)
     axes.set_box_aspect((1.25, 1.25, 0.9))
-    for axis, label in zip((axes.xaxis, axes.yaxis, axes.zaxis), (across, along, up)):
-        axis.set_major_locator(MaxNLocator(5))
-        axis.set_pane_color((1, 1, 1, 0))
-        axis.set_rotate_label(False)
-        axis.set_label_text(mathematics(label))
+    solid_axes(axes, (across, along, up))
     legend(axes, columns=4)

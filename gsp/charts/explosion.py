@@ -9,7 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.ticker import MaxNLocator
 
-from gsp.charts.sampling import at_zero, evaluate, mesh, widened
+from gsp.charts.critical_lines import critical_lines
+from gsp.charts.insets import emptiest
+from gsp.charts.runs import dense_phases
+from gsp.charts.sampling import widened
 from gsp.charts.style import (
     AMBER,
     BLUE,
@@ -75,7 +78,9 @@ def canard_explosion(
         # A round width, so that the ticks can be read, in which the error of the cycles is not seen.
         blur = 20.0 * max(orbit.error for orbit in family.orbits[explosion.rows]) * float(np.ptp(values))
         exponent = int(np.ceil(np.log10(max(spread, blur, 1e-15 * max(1.0, abs(centre))))))
-        inset: Any = axes.inset_axes(_emptiest(axes, values, amplitude))
+        # In shares of the axes: left, bottom, width, height.
+        places = [(left, bottom, 0.4, 0.42) for bottom in (0.15, 0.48) for left in (0.13, 0.55)]
+        inset: Any = axes.inset_axes(emptiest(axes, places)[0])
         _amplitudes(inset, family, (values - centre) / 10.0**exponent, amplitude)
         if value is not None:
             inset.axvline(0.0, color=GREY, lw=1.0, ls=":", zorder=1)
@@ -106,10 +111,8 @@ def canard_cycles(family: OrbitFamily, axes: Axes, *, names: tuple[str, str] | N
     lengths = np.linspace(0.0, along[-1], 10)[1:]
     rows = sorted({int(np.argmin(np.abs(along - w))) for w in lengths})
     curves = []
-    for row in rows:
-        orbit = family.orbits[row]
-        # As dense as the mesh, which is dense where the cycle is fast.
-        phases = np.interp(np.linspace(0.0, 1.0, 1200), np.linspace(0.0, 1.0, len(orbit.phases)), orbit.phases)
+    for orbit in (family.orbits[row] for row in rows):
+        phases = dense_phases(orbit)
         curves.append((orbit.values(across, phases), orbit.values(up, phases)))
     # M0 where the explosion is; the parameter hardly moves over it.
     _critical_manifold(axes, family, found[0].row if found else last, (across, up), curves)
@@ -171,33 +174,14 @@ def _value(canard: CanardValue, family: OrbitFamily) -> float | None:
     return None
 
 
-def _emptiest(axes: Axes, values: np.ndarray, amplitude: np.ndarray) -> tuple[float, float, float, float]:
-    """The place of an inset that covers the least of the curve."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    fine = np.linspace(0.0, len(values) - 1.0, 40 * len(values))
-    x = (np.interp(fine, np.arange(len(values)), values) - left) / (right - left)
-    y = (np.interp(fine, np.arange(len(values)), amplitude) - low) / (high - low)
-    length = np.append(0.0, np.hypot(np.diff(x), np.diff(y)))
-
-    def covered(place: tuple[float, float, float, float]) -> float:
-        a, b, width, height = place
-        # Its labels and its title too.
-        inside = (x > a - 0.08) & (x < a + width + 0.02) & (y > b - 0.1) & (y < b + height + 0.08)
-        return float(length[inside].sum())
-
-    # In shares of the axes: left, bottom, width, height.
-    return min(((left, bottom, 0.4, 0.42) for bottom in (0.15, 0.48) for left in (0.13, 0.55)), key=covered)
-
-
 def _critical_manifold(axes: Axes, family: OrbitFamily, row: int, names: tuple[str, str], curves) -> None:
     system = family.flow
     if not isinstance(system, SlowFastSystem) or len(system.states) != 2 or family.epsilon is None:
         return
-    low = [min(float(curve[i].min()) for curve in curves) for i in range(2)]
-    high = [max(float(curve[i].max()) for curve in curves) for i in range(2)]
-    u, v, points = mesh(*widened(low, high, 0.1), n=400)
     order = [names.index(symbol.name) for symbol in system.states]
+    cycles = np.concatenate(curves, axis=1)[order]
     here = system.with_parameters(**family.orbits[row].parameters)
-    g = evaluate([at_zero(rate, here) for rate in here.fast.values()], here, family.epsilon, points[:, order])
-    axes.contour(u, v, g.reshape(len(v), len(u)), levels=[0.0], colors=PALE, linewidths=4.0, zorder=1)
+    for line in critical_lines(here, *widened(cycles.min(axis=1), cycles.max(axis=1), 0.1)):
+        # Two states: what puts them in order puts them back.
+        axes.plot(*line[:, order].T, color=PALE, lw=4.0, zorder=1)
     axes.plot([], [], color=PALE, lw=4.0, label="$M_0$")

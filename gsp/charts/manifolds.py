@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import (
@@ -36,6 +35,7 @@ from gsp.charts.style import (
     manifold_label,
     mathematics,
     name_axes,
+    solid_axes,
 )
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
@@ -127,15 +127,7 @@ def _surface(analysis: Analysis, axes: Any) -> None:
     axes.set_ylim(low[1], high[1])
     axes.view_init(elev=24, azim=-58)
     axes.set_box_aspect((1.25, 1.25, 0.8), zoom=1.02)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(5))
-        axis.set_pane_color((1, 1, 1, 0))
-        axis._axinfo["grid"].update(color="#E3E6EA", linewidth=0.6)
-    axes.set_xlabel(mathematics(names[0]))
-    axes.set_ylabel(mathematics(names[1]))
-    axes.set_zlabel(mathematics(fast))
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_rotate_label(False)
+    solid_axes(axes, (*names, fast))
     legend(axes, columns=2)
 
 

@@ -6,12 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.charts.sampling import LINE, margins
-from gsp.charts.style import BLUE, GREEN, INK, MARKERS, SERIES, VERMILION, chart, legend, mathematics
+from gsp.charts.style import BLUE, GREEN, INK, LINES, MARKERS, SERIES, VERMILION, chart, legend, mathematics
 from gsp.comparison.method_table import MethodTable
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.trajectory import Trajectory
-
-LINES = ("-", "--", ":", "-.")
 
 
 @chart(height=4.4)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from gsp.algebra.differentiation import derivative
 from gsp.analysis.analysis import Analysis
+from gsp.charts.critical_lines import draw_critical_lines
 from gsp.charts.manifolds import slow_line
 from gsp.charts.sampling import (
     LINE,
-    at_zero,
     chart_symbols,
     covered,
-    critical_lines,
     dense_run,
     during,
     evaluate,
@@ -37,6 +35,7 @@ from gsp.charts.style import (
     GREY,
     INK,
     LADDER,
+    LINES,
     PALE,
     SERIES,
     VERMILION,
@@ -97,7 +96,7 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
         u, v, points = mesh(low, high, FIELD)
         rates = evaluate(system.rates, system, analysis.scene.epsilon, points)
         streamlines(axes, u, v, rates, distance=0.07, colour=FLOW)
-        _critical_lines(analysis, axes, low, high)
+        draw_critical_lines(system, axes, low, high)
     else:
         low, high = widened(box[:, 0], box[:, 1])
         axes.plot(on[:, 0], leading[:, 0], color=INK, lw=1.1, label="critical manifold")
@@ -108,25 +107,6 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
     axes.set_ylim(low[1], high[1])
     name_axes(axes, *names)
     legend(axes, columns=3)
-
-
-def _critical_lines(analysis: Analysis, axes: Axes, low: np.ndarray, high: np.ndarray) -> None:
-    """g(x, y, 0) = 0 in a box of one slow and one fast variable, by the sign of g_y."""
-    system, epsilon = analysis.study.system, analysis.scene.epsilon
-    y = system.y[0]
-    g_y = derivative(at_zero(system.fast[y], system), y)
-    labelled: set[str] = set()
-    for line in critical_lines(system, epsilon, low, high):
-        slope = evaluate([g_y], system, epsilon, line)[:, 0]
-        for stable, label, style in ((True, "attracting", "-"), (False, "repelling", (0, (4, 2)))):
-            here = slope < 0 if stable else slope >= 0
-            if here.any():
-                # One vertex more, so that the two kinds meet at a fold.
-                wide = here if stable else here | np.roll(here, 1) | np.roll(here, -1)
-                drawn = np.where(wide[:, None], line, np.nan)
-                name = None if label in labelled else f"$M_0$, {label}"
-                axes.plot(drawn[:, 0], drawn[:, 1], color=INK, lw=1.2, ls=style, label=name, zorder=2)
-                labelled.add(label)
 
 
 def _all_sheets(analysis: Analysis, box: np.ndarray) -> np.ndarray:
@@ -196,14 +176,14 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
     names = [s.name for s in chart_symbols(analysis)]
     axes.axhline(0.0, color=BLUE, lw=1.8, label=r"limit $\epsilon \to 0$", zorder=1)
     seen = []
-    for style, name in zip(("-", "--", ":", "-."), names):
+    for style, name in zip(LINES, names):
         for colour, (epsilon, run) in zip(LADDER, ladder):
             t, difference = _from_limit(analysis, run, name)
             label = at_epsilon(small, epsilon) if name == names[0] else None
             axes.plot(t, difference, color=colour, ls=style, label=label)
             seen.append(difference[np.abs(difference) < 1.0])
     if len(names) > 1:
-        for style, name in zip(("-", "--", ":", "-."), names):
+        for style, name in zip(LINES, names):
             axes.plot([], [], color=GREY, ls=style, label=mathematics(name))
     bounded(axes, [np.concatenate([[0.0], *seen])], [])
     # Differences below this are the tolerance of the pictured runs, not the limit's error.

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
-from gsp.algebra.differentiation import derivative
-from gsp.algebra.laurent import laurent
-from gsp.charts.sampling import LINE, margins
+from gsp.charts.critical_lines import draw_critical_lines
+from gsp.charts.insets import emptiest
+from gsp.charts.sampling import margins
 from gsp.charts.style import (
     BLUE,
     GREEN,
@@ -29,14 +29,11 @@ from gsp.charts.style import (
 )
 from gsp.cycles.passage_certificate import PassageCertificate
 from gsp.errors import DeclarationError
-from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_over
 from gsp.results.bounds import at_least
 from gsp.singular.passage.delay_measurement import MeasuredDelay
 from gsp.singular.passage.delayed_exit import DelayedExit
 from gsp.singular.passage.fold_measurement import FoldExit
 from gsp.singular.passage.fold_passage import FoldPassage
-from gsp.systems.system import SlowFastSystem
 
 
 @chart(height=3.9)
@@ -50,7 +47,7 @@ def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit])
     across, (up, value) = system.x[0].name, exits[0].section
     low_x, high_x, low_y, high_y = _frame(passage, exits, across, up, value)
     if len(system.x) == len(system.y) == 1:
-        critical_lines(system, axes, (low_x, high_x), (low_y, high_y))
+        draw_critical_lines(system, axes, np.array([low_x, low_y]), np.array([high_x, high_y]))
     ladder = sorted(exits, key=lambda found: -found.epsilon)
     for colour, found in zip(LADDER, ladder):
         times = np.linspace(found.run.t[0], min(found.t * 1.02, found.run.t[-1]), 400)
@@ -124,10 +121,9 @@ def passage_strip(certificate: PassageCertificate, axes: Axes) -> None:
             axes.plot(*ends.T, color=colour, lw=2.4, zorder=5, label=label)
     else:
         corners = _delay_tube(certificate, axes, up_to)
-    limits = [margins(row, 0.08) for row in corners.T]
-    critical_lines(certificate.system, axes, *limits, width=1.3)
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
+    limits = np.array([margins(row, 0.08) for row in corners.T])
+    draw_critical_lines(certificate.system, axes, *limits.T, width=1.3)
+    axes.set(xlim=limits[0], ylim=limits[1])
     name_axes(axes, *certificate.names)
     legend(axes, columns=3)
 
@@ -152,39 +148,11 @@ def _delay_tube(certificate: PassageCertificate, axes: Axes, up_to: str) -> np.n
     return np.column_stack([np.tile(at, 2), reach])
 
 
-def critical_lines(
-    system: SlowFastSystem,
-    axes: Axes,
-    xs: tuple[float, float],
-    ys: tuple[float, float],
-    *,
-    colour: str = INK,
-    width: float = 1.1,
-) -> None:
-    """g(x, y, 0) = 0 of a planar system in the frame, x across, solid where it attracts."""
-    g = laurent(system.g[0], system.epsilon, order=0)[0]
-    function = compile_over(system, [g, derivative(g, system.y[0])])
-    p = compile_flow(system).constants
-    u, v = np.meshgrid(np.linspace(xs[0], xs[1], LINE), np.linspace(ys[0], ys[1], LINE))
-    values = function(np.column_stack([u.ravel(), v.ravel()]), p)[:, 0].reshape(LINE, LINE)
-    contours = axes.contour(u, v, values, levels=[0.0])
-    lines = contours.allsegs[0]
-    contours.remove()
-    labelled: set[bool] = set()
-    for line in map(np.asarray, lines):
-        slope = function(line, p)[:, 1]
-        for stable, style in ((True, "-"), (False, (0, (4, 2)))):
-            drawn = np.where(((slope < 0.0) == stable)[:, None], line, np.nan)
-            if np.isfinite(drawn).any():
-                label = None if stable in labelled else f"$M_0$, {'attracting' if stable else 'repelling'}"
-                axes.plot(drawn[:, 0], drawn[:, 1], color=colour, lw=width, ls=style, label=label, zorder=2)
-                labelled.add(stable)
-
-
 def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], across: str) -> None:
     """The distance of the exits from the fold against epsilon, and its leading term, in the emptiest corner."""
     x0 = passage.point[across]
-    corner, covered = _emptiest(axes)
+    places = [(x, y, 0.3, 0.26) for y in np.linspace(0.66, 0.1, 15) for x in np.linspace(0.1, 0.69, 15)]
+    corner, covered = emptiest(axes, places)
     if covered:
         # Room on the side that orbits come from.
         low, high = axes.get_ylim()
@@ -193,7 +161,7 @@ def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], acros
             passage.y0[[s.name for s in passage.system.y].index(ladder[0].section[0])] < ladder[0].section[1]
         )
         axes.set_ylim(low - margin * upwards, high + margin * (not upwards))
-        corner, _ = _emptiest(axes)
+        corner, _ = emptiest(axes, places)
     inset = axes.inset_axes(corner)
     epsilons = np.array([found.epsilon for found in ladder])
     delays = np.array([abs(found.point[across] - x0) for found in ladder])
@@ -211,36 +179,6 @@ def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], acros
         rf"$|{name} - {name}_0|$ and $\Omega_0$ term, against $\epsilon$", fontsize=8, color=INK, pad=3
     )
     inset.patch.set_alpha(0.9)
-
-
-def _emptiest(axes: Axes) -> tuple[tuple[float, float, float, float], int]:
-    """Where an inset and its labels cover least of what is drawn, in units of the axes, and how much."""
-    width, height = 0.3, 0.26
-    corners = [(x, y) for y in np.linspace(0.66, 0.1, 15) for x in np.linspace(0.1, 0.69, 15)]
-    counts = []
-    for x, y in corners:
-        count = 0
-        for line in axes.lines:
-            # The section may be covered.
-            if line.get_color() == PALE:
-                continue
-            points = axes.transAxes.inverted().transform(
-                line.get_transform().transform(
-                    np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float)
-                )
-            )
-            points = points[np.isfinite(points).all(axis=1)]
-            if len(points) > 1:
-                # Evenly along the line, so that steps of an integrator do not weigh more where they are small.
-                length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-                even = np.arange(0.0, length[-1], 0.01)
-                points = np.column_stack([np.interp(even, length, points[:, i]) for i in (0, 1)])
-            inside = (points[:, 0] > x - 0.1) & (points[:, 0] < x + width + 0.02)
-            inside &= (points[:, 1] > y - 0.08) & (points[:, 1] < y + height + 0.08)
-            count += int(inside.sum())
-        counts.append(count)
-    x, y = corners[int(np.argmin(counts))]
-    return (x, y, width, height), min(counts)
 
 
 @chart(height=4.0)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import LINE, box_points, on_branch
-from gsp.charts.style import INK, PALE, SERIES, VERMILION, chart, legend, name_axes
+from gsp.charts.style import INK, PALE, SERIES, VERMILION, chart, colour_bar, legend, name_axes
 from gsp.errors import DeclarationError
 
 Boxes = tuple[tuple[tuple[float, float], ...], ...]
@@ -83,11 +80,7 @@ def _colours(axes: Axes, boxes: Boxes, gaps: np.ndarray, undecided: Boxes) -> No
     picture.set_array(gaps)
     axes.add_collection(picture)
     axes.scatter([], [], marker="s", color=INK, facecolors="none", label=f"proved: {len(boxes)}")
-    figure = cast(Figure, axes.figure)
-    bar = figure.colorbar(
-        picture, ax=axes, pad=0.03, label=r"proved $\min\,|\mathrm{Re}\,\lambda|$, in fast time"
-    )
-    cast(Axes, bar.ax).tick_params(length=3)
+    colour_bar(axes, picture, r"proved $\min\,|\mathrm{Re}\,\lambda|$, in fast time")
     label = f"undecided: {len(undecided)}"
     for box in undecided:
         patch = _rectangle(box)

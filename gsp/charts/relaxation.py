@@ -11,8 +11,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from gsp.analysis.analysis import Analysis
-from gsp.charts.passage import critical_lines
-from gsp.charts.runs import POINTS
+from gsp.charts.critical_lines import draw_critical_lines
+from gsp.charts.runs import POINTS, dense_phases
 from gsp.charts.sampling import dense_run, margins
 from gsp.charts.style import (
     BLUE,
@@ -22,6 +22,7 @@ from gsp.charts.style import (
     PALE,
     SKY,
     VERMILION,
+    arrow_head,
     at_epsilon,
     chart,
     legend,
@@ -74,20 +75,18 @@ def singular_orbit(
         if piece.fold is not None:
             corners.append(_drop(axes, piece, across, up, colour, labelled=i == leading))
     ladder = sorted(orbits, key=lambda found: -(found.epsilon or 0.0))
-    phases = np.linspace(0.0, 1.0, POINTS)
     for i, found in enumerate(ladder):
-        dense = np.interp(phases, np.linspace(0.0, 1.0, len(found.phases)), found.phases)
+        dense = dense_phases(found)
         line = np.stack([found.values(across, dense), found.values(up, dense)])
         corners.append(line)
         label = None if found.epsilon is None else at_epsilon(found.flow.epsilon, found.epsilon)
         colour = DARKENING(i / max(len(ladder) - 1, 1))
         axes.plot(*line, color=colour, lw=1.0, zorder=4, label=label)
     together = np.concatenate(corners, axis=1)
-    limits = margins(together[0], 0.08), margins(together[1], 0.08)
+    limits = np.array([margins(row, 0.08) for row in together])
     if len(slow) == len(fast) == 1:
-        critical_lines(system, axes, *limits, colour=GREY, width=1.3)
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
+        draw_critical_lines(system, axes, *limits.T, colour=GREY, width=1.3)
+    axes.set(xlim=limits[0], ylim=limits[1])
     name_axes(axes, across, up)
     legend(axes, columns=4)
 
@@ -113,10 +112,7 @@ def _drop(axes: Axes, piece: SlowPiece, across: str, up: str, colour: str, *, la
         # The two heads of a drop's arrow, as shares of the way.
         for share in (0.5, 0.58):
             tail, head = (line[:, 0] + part * (line[:, 1] - line[:, 0]) for part in (share - 0.02, share))
-            axes.annotate(
-                "", tuple(head), tuple(tail), zorder=6,
-                arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 14},
-            )  # fmt: skip
+            arrow_head(axes, tuple(head), tuple(tail), colour, size=14, zorder=6)
         axes.plot(
             *line[:, 1],
             "s",
@@ -198,16 +194,16 @@ def relaxation(analysis: Analysis, axes: Axes) -> None:
     across, up = system.x[0].name, system.y[0].name
     dense = dense_run(run)
     line = np.stack([dense[across], dense[up]])
-    limits = [margins(row, 0.08) for row in line]
+    limits = np.array([margins(row, 0.08) for row in line])
     proved = analysis.boundary.cycle
     if found is not None and (found.closes or (proved is not None and proved.epsilon_0 > 0.0)):
         singular_orbit(found, axes)
         if proved is not None:
             _annuli(axes, proved)
-        for i, drawn in enumerate((axes.get_xlim(), axes.get_ylim())):
-            limits[i] = min(limits[i][0], drawn[0]), max(limits[i][1], drawn[1])
+        drawn = np.array([axes.get_xlim(), axes.get_ylim()])
+        limits = np.column_stack([np.minimum(limits, drawn)[:, 0], np.maximum(limits, drawn)[:, 1]])
     elif len(system.y) == 1:
-        critical_lines(system, axes, limits[0], limits[1], colour=GREY, width=1.3)
+        draw_critical_lines(system, axes, *limits.T, colour=GREY, width=1.3)
     axes.plot(
         *line,
         color=VERMILION,
@@ -216,8 +212,7 @@ def relaxation(analysis: Analysis, axes: Axes) -> None:
         label=f"full run, {at_epsilon(analysis.scene.system.epsilon, analysis.scene.epsilon)}",
     )
     axes.plot(*line[:, :1], "o", color=VERMILION, mec="white", mew=0.8, ms=6.5, zorder=8, label="start")
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
+    axes.set(xlim=limits[0], ylim=limits[1])
     name_axes(axes, across, up)
     legend(axes, columns=3)
 

@@ -6,15 +6,14 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.charts.sampling import dense_run
-from gsp.charts.style import BLUE, INK, SERIES, chart, legend, mathematics
+from gsp.charts.style import BLUE, INK, LINES, SERIES, chart, legend, mathematics
 from gsp.errors import DeclarationError
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 
-# Points of a closed orbit, as dense as its mesh.
+# Points of a closed orbit.
 POINTS = 1500
-STYLES = ("-", "--", ":", "-.")
 
 
 @chart()
@@ -28,8 +27,7 @@ def trajectory(run: Trajectory, axes: Axes) -> None:
 @chart()
 def periodic_orbit(orbit: PeriodicOrbit, axes: Axes) -> None:
     """Every state of a closed orbit over one period."""
-    phases = np.linspace(0.0, 1.0, POINTS)
-    dense = np.interp(phases, np.linspace(0.0, 1.0, len(orbit.phases)), orbit.phases)
+    dense = dense_phases(orbit)
     _lines(axes, orbit.period * dense, {s.name: orbit.values(s.name, dense) for s in orbit.flow.states})
     axes.set_xlabel("$t$, over one period")
 
@@ -65,10 +63,16 @@ def spread(ensemble: Ensemble, axes: Axes, *, name: str) -> None:
     legend(axes, columns=4)
 
 
+def dense_phases(orbit: PeriodicOrbit) -> np.ndarray:
+    """Phases of a closed orbit, as dense as its mesh, which is dense where it is fast."""
+    mesh = np.linspace(0.0, 1.0, len(orbit.phases))
+    return np.interp(np.linspace(0.0, 1.0, POINTS), mesh, orbit.phases)
+
+
 def _lines(axes: Axes, t: np.ndarray, states: dict[str, np.ndarray]) -> None:
     colours = (*SERIES, INK)
     for i, (name, values) in enumerate(states.items()):
-        style = STYLES[i // len(colours) % len(STYLES)]
+        style = LINES[i // len(colours) % len(LINES)]
         axes.plot(t, values, color=colours[i % len(colours)], ls=style, label=mathematics(name))
     axes.margins(x=0.01)
     axes.set_ylabel("states")

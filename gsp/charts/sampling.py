@@ -7,14 +7,12 @@ from typing import cast
 
 import numpy as np
 import sympy as sp
-from matplotlib.figure import Figure
 
-from gsp.algebra.differentiation import derivative
 from gsp.analysis.analysis import Analysis
 from gsp.charts.continuity import are_joined
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.integration.trajectory import Trajectory
-from gsp.lowering.compiled_flow import parameter_vector
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.scenes.view import TIME
 from gsp.slow.series import best_sum
@@ -74,11 +72,16 @@ def covered(*runs: Trajectory) -> tuple[float, float]:
 
 
 def evaluate(
-    outputs: Sequence[sp.Expr], flow: Flow, epsilon: float, points: np.ndarray, arguments=None
+    outputs: Sequence[sp.Expr], flow: Flow, epsilon: float | None, points: np.ndarray, arguments=None
 ) -> np.ndarray:
-    """Values (m, outputs) of expressions in `arguments`, by default the flow's states, at `points` (m, n)."""
+    """Values (m, outputs) of expressions in `arguments`, by default the flow's states, at `points` (m, n).
+
+    Of what does not depend on it no `epsilon` is given.
+    """
     function = compile_over(flow, tuple(outputs), arguments=tuple(arguments or flow.states))
-    return function(points, parameter_vector(flow, epsilon))
+    return function(
+        points, compile_flow(flow).constants if epsilon is None else parameter_vector(flow, epsilon)
+    )
 
 
 def at_zero(expression: sp.Expr, system: SlowFastSystem) -> sp.Expr:
@@ -183,42 +186,6 @@ def slow_curve(analysis: Analysis) -> tuple[np.ndarray, np.ndarray]:
     )
     breaks = np.flatnonzero(~joined) + 1
     return np.insert(on, breaks, np.nan, axis=0), np.insert(leading, breaks, np.nan, axis=0)
-
-
-def critical_lines(
-    system: SlowFastSystem, epsilon: float, low: np.ndarray, high: np.ndarray
-) -> list[np.ndarray]:
-    """Lines (k, 2) of g(x, y, 0) = 0 in a box of one slow and one fast variable, without poles and jumps of g."""
-    g = at_zero(system.fast[system.y[0]], system)
-
-    def value(points: np.ndarray) -> np.ndarray:
-        return evaluate([g], system, epsilon, points)[:, 0]
-
-    u, v, points = mesh(low, high, LINE)
-    values, places = value(points).reshape(LINE, LINE), points.reshape(LINE, LINE, 2)
-    shown = values.copy()
-    for start, end in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        changed = np.sign(values[start]) * np.sign(values[end]) < 0
-        changed[changed] = ~are_joined(value, places[start][changed], places[end][changed])
-        shown[start][changed] = shown[end][changed] = np.nan
-    if not ((shown <= 0).any() and (shown >= 0).any()):
-        return []
-    contours = Figure().add_subplot().contour(u, v, np.ma.masked_invalid(shown), levels=[0.0])
-    return [_on_zero(g, system, epsilon, np.asarray(line), (high - low) / LINE) for line in contours.allsegs[0]]
-
-
-def _on_zero(
-    g: sp.Expr, system: SlowFastSystem, epsilon: float, line: np.ndarray, cell: np.ndarray
-) -> np.ndarray:
-    """Points (k, 2) of a contour of g, known to a `cell` of the mesh, by Newton's method across the line."""
-    equation = [g, *(derivative(g, state) for state in system.states)]
-    for _ in range(3):
-        value, *slope = evaluate(equation, system, epsilon, line).T[..., None]
-        slope = np.hstack(slope)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = value * slope / (slope**2).sum(axis=1, keepdims=True)
-        line = np.where((np.abs(step) < cell).all(axis=1, keepdims=True), line - step, line)
-    return line
 
 
 def slow_ends(analysis: Analysis) -> tuple[bool, list[float]]:

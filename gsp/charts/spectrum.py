@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import GRID, LINE, box_points, margins, on_branch
-from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, name_axes
+from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, colour_bar, legend, name_axes
 
 # Points per axis where more than two slow variables are sampled.
 COARSE = 7
@@ -91,11 +88,7 @@ def _map(analysis: Analysis, axes: Axes, names: list[str]) -> None:
     shown = np.where(finite, real[np.arange(len(real)), nearest], np.nan)
     u, v = (np.unique(x[:, i]) for i in range(2))
     picture = axes.pcolormesh(u, v, shown.reshape(len(u), len(v)).T, cmap="cividis", shading="gouraud")
-    figure = cast(Figure, axes.figure)
-    bar = figure.colorbar(
-        picture, ax=axes, pad=0.03, label=r"$\mathrm{Re}\,\lambda$ nearest to 0, in fast time"
-    )
-    cast(Axes, bar.ax).tick_params(length=3)
+    colour_bar(axes, picture, r"$\mathrm{Re}\,\lambda$ nearest to 0, in fast time")
     worst = int(np.nanargmin(np.abs(shown)))
     failing = _failing(analysis, names)
     label = "fails here" if failing else f"least of the samples: {analysis.hyperbolicity.sampled_gap:.3g}"

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from gsp.charts.style import arrow_head
+
 # In units of the frame: the step, and the longest way in each direction.
 STEP, LONGEST = 0.004, 2.0
 SEEDS, CELLS = 26, 250
@@ -44,9 +46,7 @@ def streamlines(
         x, y = (np.array([u[0], v[0]]) + line * size).T
         axes.plot(x, y, color=colour, lw=0.7, zorder=1)
         half = len(x) // 2
-        ends = (x[half], y[half]), (x[half - 1], y[half - 1])
-        style = {"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 7}
-        axes.annotate("", *ends, arrowprops=style, zorder=1)
+        arrow_head(axes, (x[half], y[half]), (x[half - 1], y[half - 1]), colour, size=7, zorder=1)
 
 
 def _trace(field: np.ndarray, start: np.ndarray, sign: float, rest: float) -> np.ndarray:

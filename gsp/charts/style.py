@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial, wraps
 from inspect import signature
 from pathlib import Path
@@ -15,11 +15,13 @@ import numpy as np
 import sympy as sp
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.markers import MarkerStyle
 from matplotlib.mathtext import MathTextParser
 from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
 
 from gsp.errors import DeclarationError, OutputError
 from gsp.results.files import write_file
@@ -30,6 +32,7 @@ from gsp.systems.arguments import check_noun, shown
 BLUE, VERMILION, GREEN, PURPLE, SKY, AMBER = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
 INK, GREY, PALE, FLOW = "#222222", "#767676", "#C9CED6", "#93A5B8"
 SERIES = (BLUE, GREEN, VERMILION, PURPLE, AMBER, SKY)
+LINES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 # Light to dark, as epsilon falls towards the limit.
 LADDER = ("#F5C79A", "#F08C2E", "#C4480A", "#7D2600", "#2B0E00")
@@ -194,6 +197,30 @@ def name_axes(axes: Axes, *names: str) -> None:
         axes.set_ylabel(text, rotation=0 if short else 90, labelpad=9.0 if short else 4.0)
 
 
+def solid_axes(axes: Any, names: Sequence[str]) -> None:
+    """Variables as labels of axes in space, with few ticks and without panes."""
+    for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), names):
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_pane_color((1, 1, 1, 0))
+        axis._axinfo["grid"].update(color="#E3E6EA", linewidth=0.6)
+        axis.set_rotate_label(False)
+        axis.set_label_text(mathematics(name))
+
+
+def colour_bar(axes: Axes, picture: ScalarMappable, label: str) -> None:
+    """What the colours of a picture mean, beside it."""
+    bar = cast(Figure, axes.figure).colorbar(picture, ax=axes, pad=0.03, label=label)
+    cast(Axes, bar.ax).tick_params(length=3)
+
+
+def arrow_head(
+    axes: Axes, tip: tuple[float, float], tail: tuple[float, float], colour: str, *, size: float, zorder: int
+) -> None:
+    """The head of an arrow at `tip`, coming from `tail`."""
+    look = {"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": size}
+    axes.annotate("", tip, tail, arrowprops=look, zorder=zorder)
+
+
 def legend(axes: Axes, *, columns: int = 3) -> None:
     """The legend above the axes, where it covers no data."""
     handles, labels = axes.get_legend_handles_labels()
@@ -217,10 +244,7 @@ def orbit(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str, *, 
     size = np.hypot(np.diff(x) / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0))
     if arrow:
         half = int(np.searchsorted(size.cumsum(), 0.5 * size.sum()))
-        axes.annotate(
-            "", (x[half + 1], y[half + 1]), (x[half], y[half]), zorder=5,
-            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15},
-        )  # fmt: skip
+        arrow_head(axes, (x[half + 1], y[half + 1]), (x[half], y[half]), colour, size=15, zorder=5)
 
 
 def darts(axes: Axes, x: np.ndarray, y: np.ndarray, angles: np.ndarray, label: str) -> None:

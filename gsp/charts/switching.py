@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from gsp.charts.critical_lines import critical_lines
 from gsp.charts.sampling import margins
 from gsp.charts.style import AMBER, BLUE, GREY, INK, VERMILION, chart, legend, mathematics, name_axes
 from gsp.choice.candidates import ModelKind
@@ -17,8 +18,6 @@ LOOKS = {
     ModelKind.SOLVED: (AMBER, 1.5, 3),
     ModelKind.FULL: (VERMILION, 1.9, 4),
 }
-# Points an axis for the critical manifold.
-GRID = 241
 
 
 @chart()
@@ -76,12 +75,8 @@ def _plane(simulation: Simulation) -> tuple[str, str] | None:
 
 
 def _critical(simulation: Simulation, axes: Axes) -> None:
-    """M0 in the plane of one slow and one fast variable, as the zeros of its branches' equations."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    x, y = np.meshgrid(np.linspace(left, right, GRID), np.linspace(low, high, GRID))
-    z = np.stack([x.ravel(), y.ravel()], axis=1)
-    for branch in simulation.choice.study.critical.branches:
-        with np.errstate(all="ignore"):
-            values = branch.residual(z)[:, 0].reshape(x.shape)
-        axes.contour(x, y, values, levels=[0.0], colors=[GREY], linewidths=0.9, zorder=2)
+    """M0 in the plane of one slow and one fast variable."""
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    for line in critical_lines(simulation.choice.study.system, low, high):
+        axes.plot(*line.T, color=GREY, lw=0.9, zorder=2)
     axes.plot([], [], color=GREY, lw=0.9, label="$M_0$")

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import along, dense_run, reading
-from gsp.charts.style import BLUE, GREY, at_epsilon, chart, legend, mathematics, name_axes, plain
+from gsp.charts.style import BLUE, GREY, at_epsilon, chart, legend, name_axes, plain, solid_axes
 from gsp.scenes.scene import Scene
 from gsp.scenes.view import View, view_named
 from gsp.systems.arguments import check_noun
@@ -46,9 +46,10 @@ def _view(seen: _Seen, axes: Axes) -> None:
         (limit, BLUE, 1.2, r"limit $\epsilon \to 0$"),
     ):
         axes.plot(*(along(run, name, read) for name in names), color=colour, lw=width, label=label)
-    name_axes(axes, *names[:2])
-    if len(names) == 3:
-        axes.set_zlabel(mathematics(names[2]))  # pyright: ignore[reportAttributeAccessIssue]
+    if seen.view.z is None:
+        name_axes(axes, *names)
+    else:
+        solid_axes(axes, names)
     for axis, name in zip("xyz", names, strict=False):
         if name in seen.view.ranges:
             getattr(axes, f"set_{axis}lim")(*seen.view.ranges[name])

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from gsp.charts.critical_lines import critical_lines
 from gsp.charts.motion import Body, Motion, check_motion_name, write_motion
-from gsp.charts.sampling import critical_lines, widened
+from gsp.charts.sampling import widened
 from gsp.charts.style import at_epsilon, plain
 from gsp.demos.demo import body_of, looks_of
 from gsp.errors import DeclarationError, GspError
@@ -146,7 +147,7 @@ def _critical_curve(
     run = [np.append(full[s.name], ranges.get(s.name, ())) for s in study.system.states]
     # The critical manifold is drawn so far beside the run, in terms of its width.
     low, high = widened(np.array([min(r) for r in run]), np.array([max(r) for r in run]), 0.15)
-    lines = critical_lines(study.system, study.scene.epsilon, low, high)
+    lines = critical_lines(study.system, low, high)
     return np.concatenate([np.insert(line, 0, np.nan, axis=0) for line in lines]).T if lines else None
 
 

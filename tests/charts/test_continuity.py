@@ -8,7 +8,7 @@ import sympy as sp
 
 from gsp import SlowFastSystem, analyse, charts
 from gsp.charts.continuity import are_joined
-from gsp.charts.sampling import critical_lines
+from gsp.charts.critical_lines import critical_lines
 from gsp.scenes.scene import Scene
 from tests.cases import thinned
 
@@ -86,7 +86,7 @@ def test_nothing_is_joined_to_what_is_no_number_and_only_steps_that_are_steep_ar
 def test_lines_of_the_critical_manifold_are_its_zeros_all_of_them_and_no_poles(g: sp.Expr, sheets: int) -> None:
     system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: g}, epsilon=epsilon)
     low, high = np.array([-1.0, -1.5]), np.array([1.0, 1.5])
-    lines = critical_lines(system, 0.1, low, high)
+    lines = critical_lines(system, low, high)
     # To a cell of the mesh each point of a line has a change of sign of the numerator beside it.
     numerator = sp.lambdify((x, y), sp.fraction(sp.together(g.rewrite(sp.cos)))[0], "numpy")
     ways = (np.array(list(np.ndindex(3, 3))) - 1) * (high - low) / 399
