@@ -42,6 +42,11 @@ class ModelKind(StrEnum):
     FULL = "full"
 
 
+def label_of(kind: ModelKind, order: int | None) -> str:
+    """Kind and order."""
+    return str(kind) if order is None else f"{kind} {order}"
+
+
 @dataclass(frozen=True)
 class Candidate:
     """One model: its predicted relative error over the span, and what a run over the span costs.
@@ -91,7 +96,7 @@ class Candidate:
     @property
     def label(self) -> str:
         """Kind and order."""
-        return str(self.kind) if self.order is None else f"{self.kind} {self.order}"
+        return label_of(self.kind, self.order)
 
 
 @dataclass(frozen=True)

@@ -223,12 +223,10 @@ class SurfaceForecast:
 
         All of it is where it is nowhere further out than it may be off: a share `limit` of what errors are relative to.
         """
-        inside = self.forecast.prediction.inside
-        whole = self._states(np.linspace(self.run.t[0], self.run.t[-1], CHECKS))
-        return inside(self.run, self._states(times)) | inside(self.run, whole, within=limit).all()
-
-    def _states(self, times: np.ndarray) -> np.ndarray:
-        return _states(self.forecast.prediction, self.run, times)
+        prediction, run = self.forecast.prediction, self.run
+        whole = prediction.states(run, np.linspace(run.t[0], run.t[-1], CHECKS))
+        here = prediction.inside(run, prediction.states(run, times))
+        return here | prediction.inside(run, whole, within=limit).all()
 
 
 def _between(times: np.ndarray) -> np.ndarray:
@@ -238,19 +236,13 @@ def _between(times: np.ndarray) -> np.ndarray:
     return np.interp(finer, np.arange(len(times)), times)
 
 
-def _states(prediction: Prediction, run: Trajectory, times: np.ndarray) -> np.ndarray:
-    """The states (m, n) of a run at `times` (m,)."""
-    found = run.sample(times)
-    return np.stack([found[s.name] for s in prediction.sampler.system.states], axis=1)
-
-
 def _while_inside(prediction: Prediction, run: Trajectory) -> np.ndarray:
     """Times of a run, and between them, until it leaves the region, where it may begin beside that.
 
     Nothing is asked of the manifold beyond.
     """
     times = _between(run.t)
-    inside = prediction.inside(run, _states(prediction, run, times))
+    inside = prediction.inside(run, prediction.states(run, times))
     leaves = inside[:-1] & ~inside[1:]
     return times[: int(np.argmax(leaves)) + 2] if leaves.any() else times
 

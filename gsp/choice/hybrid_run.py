@@ -9,15 +9,13 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
-from gsp.choice.prediction import SMALLEST_RTOL
+from gsp.choice.candidates import INTEGRATION, ModelKind, label_of, run_model
 from gsp.errors import Status
-from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.integration.trajectory import Trajectory
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
 from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
-from gsp.systems.tolerances import absolute_tolerance
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class ModelPiece:
     @property
     def label(self) -> str:
         """Kind and order."""
-        return str(self.kind) if self.order is None else f"{self.kind} {self.order}"
+        return label_of(self.kind, self.order)
 
     @cached_property
     def times(self) -> np.ndarray:
@@ -112,16 +110,7 @@ class HybridRun:
 
     def integrate(self, state: Mapping[str, float], span: Interval) -> Trajectory:
         """The full system over `span`, at the integrator's share of the tolerance."""
-        rtol = max(INTEGRATION * self.scene.tolerance, SMALLEST_RTOL)
-        run = trajectory_of(
-            self.full,
-            start=state,
-            span=span,
-            epsilon=self.scene.epsilon,
-            rtol=rtol,
-            atol=absolute_tolerance(rtol, self.scene.region, self.scene.start),
-            options=RunOptions(max_steps=MAX_STEPS),
-        )
+        run = run_model(self.full, state, self.scene, span, INTEGRATION * self.scene.tolerance)
         self.count(run)
         return run
 

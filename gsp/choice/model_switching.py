@@ -8,23 +8,22 @@ from functools import cached_property
 
 import numpy as np
 
-from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
+from gsp.choice.candidates import INTEGRATION, ModelKind, label_of, run_model
 from gsp.choice.forecast import base_start, forecast_of
 from gsp.choice.hybrid_run import HybridRun
-from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction, predict
+from gsp.choice.prediction import Failure, Prediction, predict
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.fibres.base_points import project
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.surface_flow import flow_on
-from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_function import finite_rows
 from gsp.scenes.study import Study
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow.truncation import AHEAD
-from gsp.systems.tolerances import absolute_tolerance
 
 # After the reduced flow was left its local error has to fall to this share of what it was there before it is taken up
 # again: without it a fold would be approached in ever shorter pieces, each with a new allowance.
@@ -45,12 +44,8 @@ def run_solved(run: HybridRun, manifold: SampledManifold) -> None:
     start = project(
         manifold, run.start, epsilon=scene.epsilon, numeric=True, reconstruction=scene.reconstruction
     )
-    rtol = max(INTEGRATION * scene.tolerance, SMALLEST_RTOL)
     flow = flow_on(manifold, reconstruction=scene.reconstruction)
-    atol = absolute_tolerance(rtol, scene.region, scene.start)
-    slow = trajectory_of(
-        flow, start=start, span=scene.span, rtol=rtol, atol=atol, options=RunOptions(max_steps=MAX_STEPS)
-    )
+    slow = run_model(flow, start, scene, scene.span, INTEGRATION * scene.tolerance)
     run.count(slow)
     times = np.linspace(first, float(slow.t[-1]), SOLVED_LOOKS)
     there = slow.sample(times)
@@ -191,9 +186,9 @@ class _Switcher:
             gate = HYSTERESIS * float(self._nearness(sheet, self._row(state)).local[0])
             self.barred = t + SHORTEST * self.fast_time
             return t, state, gate, f"{failure}, and the reduced flow would not hold for long"
-        label = f"{ModelKind.REDUCED} {self.order}"
         if self.record.pieces and self.record.pieces[-1].kind is ModelKind.FULL:
-            self.record.switch(t, state, str(ModelKind.FULL), label, why_landed)
+            entering = label_of(ModelKind.REDUCED, self.order)
+            self.record.switch(t, state, str(ModelKind.FULL), entering, why_landed)
         run = prediction.runs[self.order]
         self.record.append(ModelKind.REDUCED, self.order, t, end, run)
         self._rescale(run, t, end)
@@ -211,7 +206,8 @@ class _Switcher:
         rate = (1.0 - INTEGRATION) * self.tolerance / (self.last - self.scene.span[0])
         end, failure = self.last, None
         for _ in range(2):
-            end, failure = leave(prediction, self.order, rate * (end - t), after=after, last=self.last)
+            limit = rate * (end - t)
+            end, failure = prediction.holds_until(self.order, limit, after=after, last=self.last)
             if failure is None:
                 break
         return end, failure
@@ -310,13 +306,3 @@ class _Switcher:
 
     def _row(self, state: Mapping[str, float]) -> np.ndarray:
         return np.array([[state[name] for name in self.record.names]])
-
-
-def leave(
-    prediction: Prediction, order: int, limit: float, *, after: float, last: float
-) -> tuple[float, Failure | None]:
-    """Where a reduced run is left, and why; `last` and None when it holds to the end.
-
-    The only place that looks for this event.
-    """
-    return prediction.holds_until(order, limit, after=after, last=last)

@@ -187,7 +187,12 @@ class Prediction:
         """Whether the run of this order is anywhere further out of the region than it may be off."""
         run = self.runs[order]
         times = np.linspace(self.first, self.covered(order), CHECKS)
-        return not self.inside(run, self._places(run, times)[1], within=limit).all()
+        return not self.inside(run, self.states(run, times), within=limit).all()
+
+    def states(self, run: Trajectory, times: np.ndarray) -> np.ndarray:
+        """The states (m, n) of a run at `times` (m,)."""
+        found = run.sample(times)
+        return np.stack([found[s.name] for s in self.sampler.system.states], axis=1)
 
     def inside(self, run: Trajectory, states: np.ndarray, *, within: float = 0.0) -> np.ndarray:
         """Which of `states` (m, n) of a run are in the region, or no further out than where it begins, or than the run
