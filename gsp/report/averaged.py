@@ -12,7 +12,7 @@ from gsp.averaging.averaging import Averaging
 from gsp.comparison.averaged import compare_averaged
 from gsp.comparison.comparison import Comparison
 from gsp.errors import DeclarationError
-from gsp.report.page import ShortReport, environment_of_pages, short_figures
+from gsp.report.page import ShortReport, environment_of_pages, figures, said_of
 from gsp.report.setting import Setting
 from gsp.report.wording import fitted, number
 from gsp.results.attempts import Missing, attempt
@@ -44,10 +44,7 @@ def averaged_report(found: Averaging, progress: Callable[[float], object]) -> Sh
     }
     progress(0.9)
     content = {
-        "name": scene.name,
-        "title": scene.title,
-        "source": scene.source,
-        "description": scene.description,
+        **said_of(scene),
         "epsilon": scene.epsilon,
         "averaging": found.as_dict(),
         "comparison": measured.as_json(),
@@ -108,10 +105,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
             slow=setting.names(slow),
             orders=orders,
             slopes=["exact" if measured.is_exact(n) else fitted(measured.slopes[n]) for n in orders],
-            equations=[
-                setting.block(dotted(setting.set.row(z)), rate)
-                for z, rate in zip(found.system.states, found.system.rates)
-            ],
+            equations=setting.rates(zip(found.system.states, found.system.rates)),
             parameters=[setting.named_value(p, value) for p, value in found.system.parameters.items()],
             start=[setting.named_value(sp.Symbol(name), value) for name, value in scene.start.items()],
             coordinates=[
@@ -128,7 +122,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
                 }
                 for left, k, e in rows
             ],
-            figures=short_figures(pictures, CAPTIONS),
+            figures=figures(pictures, lambda name: Markup(CAPTIONS[name])),
             panel=None,
         )
     )

@@ -34,27 +34,26 @@ def caption(name: str, analysis: Analysis, setter: Typesetter) -> Markup:
 def _view(analysis: Analysis, name: str, setter: Typesetter) -> Markup:
     view = analysis.scene.views[name]
     shown = Markup(", ").join(setter.inline(sp.Symbol(quantity)) for quantity in view.names)
-    return Markup("{}, a view of the model's author: {}. The full run at {} = {}, and the limit.").format(
-        view.title or name, shown, _epsilon(analysis, setter), number(analysis.scene.epsilon)
+    return Markup("{}, a view of the model's author: {}. The full run at {}, and the limit.").format(
+        view.title or name, shown, _at(analysis, setter)
     )
 
 
 def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
     if shape(analysis) == (1, 1):
         return Markup(
-            "Phase plane at {} = {}. Streamlines fall along the fast direction onto the attracting part of the "
+            "Phase plane at {}. Streamlines fall along the fast direction onto the attracting part of the "
             "critical manifold <i>M</i><sub>0</sub> (black; dashed where it repels){} The full run from the scene's "
             "start is in orange."
-        ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon), _slow_line(analysis, setter))
+        ).format(_at(analysis, setter), _slow_line(analysis, setter))
     if shape(analysis)[0] == 1:
         return Markup(
-            "The plane of {} and {} at {} = {}: the critical manifold (black){} The full run from the scene's start is "
+            "The plane of {} and {} at {}: the critical manifold (black){} The full run from the scene's start is "
             "in orange."
         ).format(
             setter.inline(analysis.study.system.x[0]),
             setter.inline(analysis.study.system.y[0]),
-            _epsilon(analysis, setter),
-            number(analysis.scene.epsilon),
+            _at(analysis, setter),
             _slow_line(analysis, setter),
         )
     chart = analysis.raw.chart if analysis.raw else analysis.study.system.x
@@ -82,7 +81,7 @@ def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _phenomenon(analysis: Analysis, setter: Typesetter) -> Markup:
     found, system = analysis.phenomenon, analysis.study.system
-    at = Markup("{} = {}").format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+    at = _at(analysis, setter)
     if isinstance(found, MixedMode):
         pattern = Markup("").join(
             Markup("{}<sup>{}</sup> ").format(large, small) for large, small in found.pattern
@@ -148,15 +147,15 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
         return Markup("Full runs that start off the slow manifold. ") + _distance(analysis, setter)
     if not analysis.landing:
         why = "Normal hyperbolicity is lost" if found.kind is Kind.LOST else f"It is {found.kind}"
-        return Markup("The slow manifold at {} = {}. {}, so no runs are shown landing on it.").format(
-            _epsilon(analysis, setter), number(analysis.scene.epsilon), why
+        return Markup("The slow manifold at {}. {}, so no runs are shown landing on it.").format(
+            _at(analysis, setter), why
         )
     shown = Markup("The slow manifold")
     if shape(analysis) == (1, 1):
         shown = Markup("The critical manifold (dashed)") + _slow_line(analysis, setter)[:-1]
     return Markup(
-        "At {} = {}: {}. Full runs that start off it (dots) fall towards it along the fast direction."
-    ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon), shown)
+        "At {}: {}. Full runs that start off it (dots) fall towards it along the fast direction."
+    ).format(_at(analysis, setter), shown)
 
 
 def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -176,13 +175,7 @@ def _gap(found: Hyperbolicity) -> Markup:
 def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
     found = analysis.hyperbolicity
     if found.failing:
-        at = Markup("; ").join(
-            Markup(", ").join(
-                Markup("{} = {}").format(setter.inline(sp.Symbol(name)), number(value, 4))
-                for name, value in point.items()
-            )
-            for point in found.failing
-        )
+        at = Markup("; ").join(_place(point, setter, 4) for point in found.failing)
         return Markup(
             "Real parts of the fast eigenvalues over the region, in fast time. A ring marks where a condition fails: "
             "at {}."
@@ -237,9 +230,8 @@ def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
     shown = "and the reduced run of order {} (dashed), over logarithmic time"
     if len(analysis.reduced.t) == 1:
         shown = "over logarithmic time; the reduced run of order {} ends where it starts, and is not drawn"
-    return Markup("The full run at {} = {} (broad) " + shown + ". {}{}").format(
-        _epsilon(analysis, setter),
-        number(analysis.scene.epsilon),
+    return Markup("The full run at {} (broad) " + shown + ". {}{}").format(
+        _at(analysis, setter),
         analysis.short_series.order,
         layer if analysis.hyperbolicity.gap > 0.0 else "",
         _reduced_start(analysis, setter),
@@ -248,13 +240,9 @@ def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
     if analysis.base is not None:
-        listed = Markup(", ").join(
-            Markup("{} = {}").format(setter.inline(sp.Symbol(name)), number(value))
-            for name, value in analysis.base.items()
-        )
         return Markup(
             "The reduced run starts at the base point of the fast fibre through the start: {}."
-        ).format(listed)
+        ).format(_place(analysis.base, setter))
     return Markup(
         "The reduced run starts over the same slow variables ({}), so an offset of order {} may remain."
     ).format(analysis.base_reason, _epsilon(analysis, setter))
@@ -275,6 +263,18 @@ def _failure_map(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
     return setter.inline(analysis.study.system.epsilon)
+
+
+def _at(analysis: Analysis, setter: Typesetter) -> Markup:
+    """The small parameter and its value."""
+    return Markup("{} = {}").format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+
+
+def _place(point: Mapping[str, float], setter: Typesetter, digits: int = 3) -> Markup:
+    return Markup(", ").join(
+        Markup("{} = {}").format(setter.inline(sp.Symbol(name)), number(value, digits))
+        for name, value in point.items()
+    )
 
 
 def _the_same(text: str) -> Callable[[Analysis, Typesetter], Markup]:

@@ -9,7 +9,6 @@ import sympy as sp
 from markupsafe import Markup
 
 from gsp.report.wording import fitted
-from gsp.results.mathml import dotted
 
 if TYPE_CHECKING:
     from gsp.report.sections import Page
@@ -29,7 +28,7 @@ def claims_of(page: Page) -> list[dict[str, Any]]:
         result.append(
             {
                 "name": name,
-                "field": [page.block(dotted(page.set.row(s)), page.by_power(r)) for s, r in rates.items()],
+                "field": page.rates((s, page.by_power(r)) for s, r in rates.items()),
                 "promised": promised,
                 "slope": fitted(slope),
                 "errors": comparison.claims[name],

@@ -133,18 +133,12 @@ def _analysed(
     content = as_json(analysis)
     content["reductions"] = None if reductions is None else reductions.as_dict()
     content["three_scales"] = three.as_dict() if isinstance(three, ThreeScales) else None
-    if isinstance(three, Missing):
-        content["missing"]["three_scales"] = three.reason
     content["figures"] = [f"{name}.png" for name in made]
-    content["missing"] |= {
-        f"{name}.png": drawing.reason for name, drawing in pictures.items() if isinstance(drawing, Missing)
-    }
     panel = attempt("the panel", lambda: demo(analysis.study))
-    if isinstance(panel, Missing):
-        content["missing"]["panel"] = panel.reason
     model = attempt("the model file", lambda: as_toml(analysis.scene))
-    if isinstance(model, Missing):
-        content["missing"][MODEL] = model.reason
+    parts = {"three_scales": three, **{f"{name}.png": drawing for name, drawing in pictures.items()}}
+    parts |= {"panel": panel, MODEL: model}
+    content["missing"] |= {name: part.reason for name, part in parts.items() if isinstance(part, Missing)}
     timings = {**analysis.timings, "report": time.perf_counter() - begun}
     timings["total"] = sum(timings.values())
     content["timings"] = timings

@@ -9,7 +9,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from gsp.analysis.analysis import Analysis
-from gsp.report.captions import caption
+from gsp.report.page import caption_or_reason
 from gsp.report.sections import Page
 from gsp.report.tex import Tex, display, tex
 from gsp.report.three_scales import ThreeScales
@@ -70,7 +70,9 @@ def manuscript(
         **page.head(),
         page=page,
         section=_section,
-        figures=[{"file": Tex(f"{name}.pdf"), "caption": _caption(name, analysis, page)} for name in shown],
+        figures=[
+            {"file": Tex(f"{name}.pdf"), "caption": caption_or_reason(name, analysis, page)} for name in shown
+        ],
         full=_method(analysis, "full"),
         reduced=_method(analysis, "reduced"),
         version=analysis.versions["gsp-toolkit"],
@@ -91,11 +93,6 @@ def _section(heading: str, caller: Callable[[], str]) -> str:
     """The body of a section, or why there is none."""
     made = attempt(f'the section "{heading}"', caller)
     return tex(f"This part could not be made: {made.reason}") if isinstance(made, Missing) else made
-
-
-def _caption(name: str, analysis: Analysis, page: Page) -> Any:
-    text = attempt(f"the caption of {name}", lambda: caption(name, analysis, page.set))
-    return words(text.reason) if isinstance(text, Missing) else text
 
 
 def _method(analysis: Analysis, run: str) -> Tex:

@@ -24,6 +24,7 @@ from gsp.report.three_scales import ThreeScales
 from gsp.report.wording import listed, number, scientific, signed, words
 from gsp.results.attempts import Missing, attempt
 from gsp.results.lettering import in_unicode
+from gsp.scenes.scene import Scene
 
 
 def render(
@@ -43,7 +44,6 @@ def render(
     A section or a figure that cannot be made costs itself: its reason stands in its place.
     """
     page = Page(analysis)
-    script, script_hash = frame_script()
     return (
         environment_of_pages()
         .get_template("report.html")
@@ -51,14 +51,15 @@ def render(
             **page.head(),
             page=page,
             section=_section,
-            figures=_figures(analysis, page, pictures, model),
+            figures=figures(
+                pictures,
+                lambda name: caption_or_reason(name, analysis, page),
+                None if model is None else lambda name: _code(analysis, name, model),
+            ),
             reductions=None if reductions is None else reductions_found(reductions),
             three=three,
             no_three=words(three.reason) if isinstance(three, Missing) else None,
-            panel=None if isinstance(panel, Missing) else panel,
-            frame_script=Markup(script),
-            frame_hash=script_hash,
-            no_panel=words(panel.reason) if isinstance(panel, Missing) else None,
+            **panel_values(panel),
             timings=timings,
             versions=analysis.versions,
         )
@@ -87,19 +88,9 @@ class ShortReport:
         return self.content | {"figures": list(self.made), "missing": lost}
 
 
-def short_figures(
-    pictures: Mapping[str, bytes | Missing], captions: Mapping[str, str]
-) -> dict[str, dict[str, Any]]:
-    """Values for the template's figures, each with its caption, or why there is none."""
-    figures: dict[str, dict[str, Any]] = {}
-    for count, (name, picture) in enumerate(pictures.items(), 1):
-        if isinstance(picture, Missing):
-            figures[name] = {"reason": words(picture.reason)}
-            continue
-        source = Markup("data:image/png;base64,{}").format(base64.b64encode(picture).decode())
-        caption = Markup(captions[name])
-        figures[name] = {"reason": None, "source": source, "number": count, "caption": caption, "code": None}
-    return figures
+def said_of(scene: Scene) -> dict[str, str]:
+    """What a scene says of itself, as it stands in report.json."""
+    return {name: getattr(scene, name) for name in ("name", "title", "source", "description")}
 
 
 def environment_of_pages() -> Environment:
@@ -130,11 +121,17 @@ def _section(heading: str, caller: Callable[[], Markup]) -> Markup:
     return made
 
 
-def _figures(
-    analysis: Analysis, page: Page, pictures: Mapping[str, bytes | Missing], model: str | None
+def figures(
+    pictures: Mapping[str, bytes | Missing],
+    caption: Callable[[str], Markup],
+    code: Callable[[str], str] | None = None,
 ) -> dict[str, dict[str, Any]]:
+    """The figures of the template by name, each with its number, caption and `code`, or why there is none.
+
+    `pictures` are PNG files, in the order of the page.
+    """
     result: dict[str, dict[str, Any]] = {}
-    number = 0
+    made = 0
     first_named: dict[str, str] = {}
     for name, picture in pictures.items():
         if isinstance(picture, Missing):
@@ -143,17 +140,33 @@ def _figures(
             same = Markup('<a href="#{}">the same reason as above</a>').format(first)
             result[name] = {"reason": words(picture.reason) if first == name else same}
             continue
-        number += 1
+        made += 1
         data = base64.b64encode(picture).decode()
-        text = attempt(f"the caption of {name}", lambda name=name: caption(name, analysis, page.set))
         result[name] = {
-            "number": number,
+            "number": made,
             "source": Markup("data:image/png;base64,{}").format(data),
-            "caption": words(text.reason) if isinstance(text, Missing) else text,
+            "caption": caption(name),
             "reason": None,
-            "code": None if model is None else _code(analysis, name, model),
+            "code": None if code is None else code(name),
         }
     return result
+
+
+def panel_values(panel: Demo | Missing) -> dict[str, Any]:
+    """Values for the template's panel: the demo, or why there is none, and the script of its frame."""
+    script, script_hash = frame_script()
+    return {
+        "panel": None if isinstance(panel, Missing) else panel,
+        "no_panel": words(panel.reason) if isinstance(panel, Missing) else None,
+        "frame_script": Markup(script),
+        "frame_hash": script_hash,
+    }
+
+
+def caption_or_reason(name: str, analysis: Analysis, page: Page) -> Markup:
+    """The caption of a figure of an analysis, or why there is none."""
+    text = attempt(f"the caption of {name}", lambda: caption(name, analysis, page.set))
+    return words(text.reason) if isinstance(text, Missing) else text
 
 
 def _code(analysis: Analysis, name: str, model: str) -> str:

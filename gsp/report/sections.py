@@ -56,9 +56,7 @@ class Page(Setting):
         scene = self.analysis.scene
         return {
             "equations": self.equations(),
-            "reconstruction": [
-                self.block(dotted(self.set.row(s)), rate) for s, rate in scene.reconstruction.items()
-            ],
+            "reconstruction": self.rates(scene.reconstruction.items()),
             "parameters": [self.named_value(s, value) for s, value in self.system.parameters.items()],
             "region": [self.interval(name, bounds) for name, bounds in scene.region.items()],
             "start": [self.named_value(sp.Symbol(name), value) for name, value in scene.full_start.items()],
@@ -252,15 +250,11 @@ class Page(Setting):
     def equations(self) -> list[tuple[Markup, Markup]]:
         system = self.analysis.scene.system
         if isinstance(system, SlowFastSystem):
-            slow = [(dotted(self.set.row(s)), rate) for s, rate in system.slow.items()]
-            fast = [
-                (row(self.set.row(self.epsilon), dotted(self.set.row(s))), rate)
-                for s, rate in system.fast.items()
-            ]
-            pairs = [*slow, *fast]
-        else:
-            pairs = [(dotted(self.set.row(s)), rate) for s, rate in zip(system.states, system.rates)]
-        return [self.block(left, rate) for left, rate in pairs]
+            return self.standard_form(system)
+        return self.rates(zip(system.states, system.rates))
+
+    def standard_form(self, system: SlowFastSystem) -> list[tuple[Markup, Markup]]:
+        return self.rates(system.slow.items()) + self.rates(system.fast.items(), self.epsilon)
 
     def splitting(self) -> dict[str, Any] | None:
         splitting = self.analysis.study.splitting
@@ -284,13 +278,7 @@ class Page(Setting):
             "fast": self.names(system.y),
             "conserved": self.names(splitting.conserved),
             "nonzero": [self.inline(row(self.set.row(e), operator("≠"), "<mn>0</mn>")) for e in splitting.nonzero],
-            "system": [
-                *(self.block(dotted(self.set.row(s)), e) for s, e in system.slow.items()),
-                *(
-                    self.block(row(self.set.row(self.epsilon), dotted(self.set.row(s))), e)
-                    for s, e in system.fast.items()
-                ),
-            ],
+            "system": self.standard_form(system),
         }  # fmt: skip
 
     def _equal(self, left: Any, right: Any) -> Any:

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from gsp.results import mathml
 from gsp.results.long_formulas import count_lines
-from gsp.results.mathml import Typesetter, numeral, operator, row
+from gsp.results.mathml import Typesetter, dotted, numeral, operator, row
 from gsp.systems.declaration import exact
 
 
@@ -30,6 +30,13 @@ class Setting:
         else:
             text = row(operator("="), right if isinstance(right, str) else self.set.row(right))
         return Markup(mathml.math(left, display=True)), Markup(mathml.math(text, display=True))
+
+    def rates(
+        self, pairs: Iterable[tuple[sp.Symbol, sp.Expr]], factor: sp.Symbol | None = None
+    ) -> list[tuple[Markup, Markup]]:
+        """A displayed equation for each pair of a symbol and its rate, with a `factor` before the derivatives."""
+        before = () if factor is None else (self.set.row(factor),)
+        return [self.block(row(*before, dotted(self.set.row(symbol))), rate) for symbol, rate in pairs]
 
     def coefficient(self, left: str, right: sp.Expr) -> tuple[Markup, Markup]:
         """The same for a coefficient of a series; one that is too long to be read says where it stands."""

@@ -11,19 +11,16 @@ from markupsafe import Markup
 from gsp import charts
 from gsp.analysis.ramp_answers import drawn_ramp
 from gsp.demos.demo import Demo, demo
-from gsp.demos.page import frame_script
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import trajectory_of
 from gsp.reductions.measurement import RTOL
 from gsp.reductions.reductions import Reductions
 from gsp.report.captions import RAMP, TIME_SCALES
-from gsp.report.page import ShortReport, environment_of_pages, short_figures
+from gsp.report.page import ShortReport, environment_of_pages, figures, panel_values, said_of
 from gsp.report.ramps import ramps, ramps_as_json
 from gsp.report.reductions import reductions_found
 from gsp.report.setting import Setting
-from gsp.report.wording import words
 from gsp.results.attempts import Missing, attempt
-from gsp.results.mathml import dotted
 from gsp.scenes.scene import Scene
 from gsp.systems.tolerances import absolute_tolerance
 
@@ -55,10 +52,7 @@ def unreduced_report(found: Reductions, progress: Callable[[float], object]) -> 
         pictures[name] = attempt(f"the figure {name}", lambda draw=draw: charts.png(draw()))
         progress(0.8 * k / len(drawn))
     content = {
-        "name": scene.name,
-        "title": scene.title,
-        "source": scene.source,
-        "description": scene.description,
+        **said_of(scene),
         "equations": {s.name: str(rate) for s, rate in zip(scene.system.states, scene.system.rates)},
         "parameters": {p.name: str(value) for p, value in scene.system.parameters.items()},
         "start": dict(scene.start),
@@ -80,7 +74,6 @@ def _run(scene: Scene):
 def _page(found: Reductions, pictures: Mapping[str, bytes | Missing], panel: Demo | Missing) -> str:
     scene, system = found.scene, found.scene.system
     setting = Setting([*system.parameters, *system.states])
-    script, script_hash = frame_script()
     return (
         environment_of_pages()
         .get_template("unreduced.html")
@@ -88,16 +81,11 @@ def _page(found: Reductions, pictures: Mapping[str, bytes | Missing], panel: Dem
             scene=scene,
             title=scene.title or scene.name or "A model without a small parameter",
             reductions=reductions_found(found),
-            equations=[
-                setting.block(dotted(setting.set.row(z)), rate) for z, rate in zip(system.states, system.rates)
-            ],
+            equations=setting.rates(zip(system.states, system.rates)),
             parameters=[setting.named_value(p, value) for p, value in system.parameters.items()],
             start=[setting.named_value(sp.Symbol(name), value) for name, value in scene.start.items()],
             ramps=ramps(scene),
-            figures=short_figures(pictures, CAPTIONS),
-            panel=None if isinstance(panel, Missing) else panel,
-            no_panel=words(panel.reason) if isinstance(panel, Missing) else None,
-            frame_script=Markup(script),
-            frame_hash=script_hash,
+            figures=figures(pictures, lambda name: Markup(CAPTIONS[name])),
+            **panel_values(panel),
         )
     )

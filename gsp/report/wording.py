@@ -25,7 +25,7 @@ def number(value: float, digits: int = 3, *, bound: Callable[[float, int], str] 
     mantissa, _, exponent = text.replace("-", "−").partition("e")
     if not exponent:
         return Markup(mantissa)
-    power = Markup("10<sup>{}</sup>").format(str(int(exponent.replace("−", "-"))).replace("-", "−"))
+    power = _power_of_ten(exponent.replace("−", "-"))
     return power if mantissa == "1" else Markup("{}×{}").format(mantissa, power)
 
 
@@ -39,7 +39,11 @@ def scientific(value: float) -> Markup:
     if not math.isfinite(value) or value == 0.0:
         return number(value)
     mantissa, exponent = f"{value:.2e}".split("e")
-    return Markup("{}×10<sup>{}</sup>").format(mantissa.replace("-", "−"), str(int(exponent)).replace("-", "−"))
+    return Markup("{}×{}").format(mantissa.replace("-", "−"), _power_of_ten(exponent))
+
+
+def _power_of_ten(exponent: str) -> Markup:
+    return Markup("10<sup>{}</sup>").format(str(int(exponent)).replace("-", "−"))
 
 
 def words(text: str) -> Markup:
