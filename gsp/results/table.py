@@ -53,7 +53,7 @@ class Table:
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset`."""
-        xarray = library("xarray", "a Dataset")
+        xarray = library("xarray", "a Dataset is made by")
         return xarray.Dataset(
             {name: (c.dimensions, c.values) for name, c in self.variables.items()},
             {name: (c.dimensions, c.values) for name, c in self.coordinates.items()},
@@ -62,7 +62,7 @@ class Table:
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`."""
-        pandas = library("pandas", "a data frame")
+        pandas = library("pandas", "a data frame is made by")
         if self.records is not None:
             frame = pandas.DataFrame([dict(record) for record in self.records])
         else:
@@ -134,14 +134,16 @@ def scalars(constants: Mapping[str, float]) -> dict[str, Column]:
     return {name: Column((), np.array(value)) for name, value in constants.items()}
 
 
-def library(name: str, what: str) -> Any:
-    """A library that is no necessary part; raises `OutputError` where it is not installed."""
+def library(name: str, use: str, *, extra: str = "tables") -> Any:
+    """A library that is no necessary part, for what `use` says; raises `OutputError` where it is not installed.
+
+    It comes with the `extra` of the package.
+    """
     try:
         return importlib.import_module(name)
     except ImportError:
         raise OutputError(
-            f"{what} is made by {name}, which is not installed.",
-            "Install it with pip install 'gsp-toolkit[tables]'.",
+            f"{use} {name}, which is not installed.", f"Install it with pip install 'gsp-toolkit[{extra}]'."
         ) from None
 
 

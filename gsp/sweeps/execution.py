@@ -17,6 +17,7 @@ from typing import Any
 
 from gsp.errors import OutputError
 from gsp.results.point_verbs import Record
+from gsp.results.table import library
 from gsp.sweeps.store import Store
 from gsp.sweeps.worker import compute_chunk, compute_point, fill, subject_of
 from gsp.systems.arguments import shown
@@ -274,15 +275,9 @@ def _is_death(error: Exception) -> bool:
 
 def connect(address: str) -> Any:
     """A Dask client of the scheduler at `address`; raises `OutputError` where Dask is not installed or not there."""
+    distributed = library("distributed", "a cluster is reached by", extra="dask")
     try:
-        from distributed import Client  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise OutputError(
-            "a cluster is reached by dask.distributed, which is not installed.",
-            "Install it with pip install 'gsp-toolkit[dask]'.",
-        ) from None
-    try:
-        return Client(address, timeout=10)
+        return distributed.Client(address, timeout=10)
     except (OSError, ValueError, TypeError) as error:
         raise OutputError(
             f"there is no Dask scheduler at {shown(address)} for client ({error}).",

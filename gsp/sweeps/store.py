@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gsp.errors import OutputError
+from gsp.results.table import library
 from gsp.sweeps.ledger import Entry, Ledger, write_whole
 from gsp.sweeps.plan import DIED, FAILED, MEANINGS, Plan, Variable, read_plan
 
@@ -120,7 +121,7 @@ class Store:
 
     def to_xarray(self) -> Any:
         """The results as a labelled xarray Dataset that reads what it is asked for."""
-        xarray = _xarray_or_remedy()
+        xarray = library("xarray", "a Dataset is made by", extra="sweeps")
         found = xarray.open_zarr(self._arrays, consolidated=False, chunks=None)
         labels = {axis: list(values) for v in self.plan.variables.values() for axis, values in v.axes.items()}
         return found[list(self.variables)].assign_coords(labels)
@@ -158,25 +159,7 @@ def _flags(variable: Variable) -> dict[str, object]:
 
 def zarr_or_remedy() -> Any:
     """The package zarr; raises `OutputError` with the remedy where it is not installed."""
-    try:
-        import zarr  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise OutputError(
-            "sweeps are kept by zarr, which is not installed.",
-            "Install it with pip install 'gsp-toolkit[sweeps]'.",
-        ) from None
-    return zarr
-
-
-def _xarray_or_remedy() -> Any:
-    try:
-        import xarray  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise OutputError(
-            "a Dataset is made by xarray, which is not installed.",
-            "Install it with pip install 'gsp-toolkit[sweeps]'.",
-        ) from None
-    return xarray
+    return library("zarr", "sweeps are kept by", extra="sweeps")
 
 
 def kept(root: Path) -> Store:
