@@ -9,6 +9,7 @@ from gsp.averaging.averaging import Averaging
 from gsp.charts.style import BLUE, GREY, VERMILION, chart, legend, mathematics
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import trajectory_of
+from gsp.systems.arguments import check_among
 from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 
@@ -24,8 +25,7 @@ def averaging(found: Averaging, axes: Axes, *, name: str | None = None) -> None:
         raise DeclarationError("an averaging of a scene is drawn, which says from where.", got=repr(found))
     slow = [s.name for s in found.form.rates]
     shown = slow[0] if name is None else name
-    if shown not in slow:
-        raise DeclarationError.none_of(slow, name, "name is that of a slow variable.", "They are")
+    check_among(shown, slow, "name is that of a slow variable.", "They are")
     # Times at which runs are drawn: the phase turns some hundred times at most where a turn can be seen.
     times = np.linspace(*scene.span, 4000)
     atol = absolute_tolerance(RTOL, scene.region, scene.full_start)

@@ -185,3 +185,4 @@ def _critical_manifold(axes: Axes, family: OrbitFamily, row: int, names: tuple[s
         # Two states: what puts them in order puts them back.
         axes.plot(*line[:, order].T, color=PALE, lw=4.0, zorder=1)
     axes.plot([], [], color=PALE, lw=4.0, label="$M_0$")
+    axes.margins(0.0)

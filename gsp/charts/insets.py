@@ -19,9 +19,9 @@ def emptiest(axes: Axes, places: Sequence[Place]) -> tuple[Place, int]:
     drawn = np.concatenate([_even(axes, line) for line in axes.lines if line.get_color() != PALE])
 
     def covered(place: Place) -> int:
-        low = np.array(place[:2]) - [0.1, 0.08]
-        high = np.add(place[:2], place[2:]) + [0.02, 0.08]
-        return int(((drawn > low) & (drawn < high)).all(axis=1).sum())
+        corner, size = np.reshape(place, (2, 2))
+        inside = (drawn > corner - (0.1, 0.08)) & (drawn < corner + size + (0.02, 0.08))
+        return int(inside.all(axis=1).sum())
 
     found = min(places, key=covered)
     return found, covered(found)

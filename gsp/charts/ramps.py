@@ -10,7 +10,7 @@ from gsp.errors import DeclarationError
 from gsp.singular.ramps.critical_rate import CriticalRate
 from gsp.singular.ramps.ramp_run import RampRun
 from gsp.singular.ramps.rate_diagram import RateDiagram
-from gsp.systems.arguments import check_whole
+from gsp.systems.arguments import check_among, check_whole
 
 # Runs beside a threshold are at its rate times and divided by this.
 BESIDE = 1.3
@@ -42,8 +42,7 @@ def critical_rate(found: CriticalRate, axes: Axes, *, name: str | None = None, t
     middle = found.run(rate)
     moves = np.ptp(middle.x, axis=0) > 1e-9 * np.abs(middle.x).max(axis=0)
     state = states[int(np.argmax(moves))] if name is None else name
-    if state not in states:
-        raise DeclarationError.none_of(states, name, "name is that of a state.", "They are")
+    check_among(state, states, "name is that of a state.", "They are")
     # Beyond the edge state rounding alone decides where the orbit on the threshold goes.
     away = np.abs(middle[state] - found.end.x[states.index(state)])
     nearest = int(np.argmin(away))

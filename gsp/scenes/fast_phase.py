@@ -9,7 +9,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.results.card import Card
-from gsp.systems.arguments import check_each, check_noun, check_text
+from gsp.systems.arguments import check_among, check_each, check_noun, check_text
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,7 @@ def checked_phase(phase: object, states: Sequence[str]) -> FastPhase | None:
     assert isinstance(phase, FastPhase)
     named = [*([phase.name] if phase.name else []), *(phase.pair or ())]
     for name in named:
-        if name not in states:
-            raise DeclarationError.none_of(
-                states, name, f"the phase names {name}, which is no state.", "They are"
-            )
+        check_among(name, states, f"the phase names {name}, which is no state.", "They are")
     if len(set(named)) != len(named):
         raise DeclarationError(
             f"{phase.name} is the phase and one of the pair.", "Name three different states."

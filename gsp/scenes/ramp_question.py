@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -10,11 +9,9 @@ from types import MappingProxyType
 import sympy as sp
 
 from gsp.errors import DeclarationError
-from gsp.systems.arguments import check_noun, shown
+from gsp.systems.arguments import check_among, check_noun, check_plain_word, shown
 from gsp.systems.flow import complete
 from gsp.systems.ramp import Ramp
-
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True)
@@ -44,16 +41,10 @@ def checked_ramps(
     own, moving = list(states), list(parameters)
     checked = {}
     for name, asked in ramps.items():
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise DeclarationError(
-                "the name of a ramp is a plain word.", "Use letters and digits.", got=shown(name), value=name
-            )
+        check_plain_word(name, what="the name of a ramp")
         check_noun(asked, RampQuestion, verb=f"the ramp {name}")
         for p in asked.ramp.parameters:
-            if p not in moving:
-                raise DeclarationError.none_of(
-                    moving, p, f"the ramp {name} moves {p}, which is no parameter.", "They are"
-                )
+            check_among(p, moving, f"the ramp {name} moves {p}, which is no parameter.", "They are")
         points = {}
         for what, point in (("edge", asked.edge), ("start", asked.start)):
             # An edge that names one state of several is a level.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
@@ -17,7 +16,15 @@ from gsp.scenes.fast_phase import FastPhase, checked_phase
 from gsp.scenes.ramp_question import RampQuestion, checked_ramps
 from gsp.scenes.view import View, checked_views
 from gsp.sliding.no_slip import Contacts
-from gsp.systems.arguments import check_noun, check_number, check_text, shown
+from gsp.systems.arguments import (
+    PLAIN_WORD,
+    check_among,
+    check_noun,
+    check_number,
+    check_plain_word,
+    check_text,
+    shown,
+)
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import (
     Question,
@@ -37,7 +44,6 @@ FINEST = 1e-11
 LADDER = (2.0, 1.0, 0.5, 0.25)
 # What units call the time, and how long a unit may be.
 TIME, LONGEST_UNIT = "t", 40
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,7 +113,7 @@ class Scene(Question, Card):
         for attribute in ("name", "title", "source", "description"):
             check_text(getattr(self, attribute), what=attribute)
             check_words(getattr(self, attribute), what=attribute)
-        if self.name and not _NAME.fullmatch(self.name):
+        if self.name and not PLAIN_WORD.fullmatch(self.name):
             raise DeclarationError(
                 f"the scene's name is {self.name[:80]!r}, which is no plain word (it names files).",
                 "Use letters, digits, _ and -, at most 64; `title` takes any text.",
@@ -278,13 +284,8 @@ def _start(
 ) -> tuple[dict[str, float], dict[str, float]]:
     given = values_by_name(extra, what="reconstruction_start")
     for name in given:
-        if name not in drivers:
-            raise DeclarationError.none_of(
-                drivers,
-                name,
-                f'reconstruction_start names "{name}", which is no reconstruction variable.',
-                "There are",
-            )
+        fact = f'reconstruction_start names "{name}", which is no reconstruction variable.'
+        check_among(name, drivers, fact, "There are")
     given |= values_by_name(start, what="start")
     for name in given:
         if name not in states and name not in drivers:
@@ -304,16 +305,11 @@ def _starts(starts: Mapping, known: list[str]) -> dict[str, Mapping[str, float]]
         raise DeclarationError("starts maps names to starts.", got=shown(starts), value=starts)
     checked: dict[str, Mapping[str, float]] = {}
     for name, start in starts.items():
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise DeclarationError(
-                "the name of a start is a plain word.", "Use letters and digits.", got=shown(name), value=name
-            )
+        check_plain_word(name, what="the name of a start")
         given = values_by_name(start, what=f"the start {name}")
         for state in given:
-            if state not in known:
-                raise DeclarationError.none_of(
-                    known, state, f'the start {name} names "{state}", which is no state.', "The states are"
-                )
+            fact = f'the start {name} names "{state}", which is no state.'
+            check_among(state, known, fact, "The states are")
         checked[name] = MappingProxyType(given)
     return checked
 
@@ -322,10 +318,7 @@ def _units(units: Mapping, known: list[str]) -> dict[str, str]:
     if not isinstance(units, Mapping):
         raise DeclarationError("units maps names to text.", got=shown(units), value=units)
     for name, unit in units.items():
-        if name not in known:
-            raise DeclarationError.none_of(
-                known, name, f"units names {shown(name)}, which is nothing here.", "There are"
-            )
+        check_among(name, known, f"units names {shown(name)}, which is nothing here.", "There are")
         check_text(unit, what=f"the unit of {name}")
         if not unit.strip() or len(unit) > LONGEST_UNIT or not unit.isprintable():
             raise DeclarationError(
@@ -355,13 +348,8 @@ def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, 
         # The field's own checks: undeclared symbols, states that the claim uses without giving them a rate.
         field_ = VectorField(rates, epsilon=epsilon, parameters=system.parameters, name=name)
         for symbol in field_.states:
-            if symbol not in known:
-                raise DeclarationError.none_of(
-                    known,
-                    symbol,
-                    f'the claim "{name}" gives a rate to {symbol}, which is no state.',
-                    "The states are",
-                )
+            fact = f'the claim "{name}" gives a rate to {symbol}, which is no state.'
+            check_among(symbol, known, fact, "The states are")
         checked[name] = field_.equations
     return checked
 
@@ -398,11 +386,6 @@ def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | Non
     if len(names) != 2 or names[0] == names[1]:
         raise DeclarationError("path is a pair of different names.", remedy, got=f"{names!r}", value=names)
     for name in names:
-        if name not in known:
-            raise DeclarationError.none_of(
-                known,
-                name,
-                f'path names "{name}", which is no state, observable or reconstruction variable.',
-                "There are",
-            )
+        fact = f'path names "{name}", which is no state, observable or reconstruction variable.'
+        check_among(name, known, fact, "There are")
     return names[0], names[1]

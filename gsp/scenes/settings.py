@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from gsp.errors import DeclarationError, unknown_name
 from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import no_small_parameter
+from gsp.systems.arguments import check_among
 from gsp.systems.region import Interval
 
 
@@ -43,10 +44,7 @@ def ask_again(
     system = scene.system.with_parameters(**parameters) if parameters else scene.system
     states = [state.name for state in scene.system.states]
     for name in region or {}:
-        if name not in states:
-            raise DeclarationError.none_of(
-                states, name, f'the region is given for "{name}", which is no state.', "The states are"
-            )
+        check_among(name, states, f'the region is given for "{name}", which is no state.', "The states are")
     ladder = scene.epsilons
     if epsilon is not None and not scene.has_small:
         raise no_small_parameter(scene, "its value is asked for")

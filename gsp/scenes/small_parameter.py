@@ -18,7 +18,7 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import LADDER, Scene
 from gsp.scenes.slow_time import explain_slow_time, told_in_slow_time
 from gsp.splitting.fast_time import divides
-from gsp.systems.arguments import check_each, check_noun, check_text, shown
+from gsp.systems.arguments import check_among, check_each, check_noun, check_text, shown
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -133,10 +133,7 @@ def take_fast(scene: Scene, *, variables: Iterable[str]) -> Scene:
     states = [s.name for s in system.states]
     chosen = list(dict.fromkeys(names))
     for name in chosen:
-        if name not in states:
-            raise DeclarationError.none_of(
-                states, name, f"variables names {shown(name)}, which is no state.", "The states are"
-            )
+        check_among(name, states, f"variables names {shown(name)}, which is no state.", "The states are")
     if not 0 < len(chosen) < len(states):
         raise DeclarationError(
             "variables are some of the states, not all and not none.",

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from types import MappingProxyType
 
 from gsp.errors import DeclarationError, UnknownNameError
-from gsp.systems.arguments import check_text, shown
+from gsp.systems.arguments import check_among, check_plain_word, check_text, shown
 from gsp.systems.region import Interval, check_interval
 
 TIME = "t"
 LONGEST_TITLE = 200
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True)
@@ -59,16 +57,11 @@ def checked_views(views: object, known: Collection[str]) -> dict[str, View]:
     if not isinstance(views, Mapping):
         raise DeclarationError("views maps names to views.", got=shown(views), value=views)
     return {
-        _name(name): _checked(str(name), view, [*dict.fromkeys([*known, TIME])]) for name, view in views.items()
-    }
-
-
-def _name(name: object) -> str:
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise DeclarationError(
-            "the name of a view is a plain word.", "Use letters and digits.", got=shown(name), value=name
+        check_plain_word(name, what="the name of a view"): _checked(
+            name, view, [*dict.fromkeys([*known, TIME])]
         )
-    return name
+        for name, view in views.items()
+    }
 
 
 def _checked(name: str, view: object, known: list[str]) -> View:
@@ -77,13 +70,8 @@ def _checked(name: str, view: object, known: list[str]) -> View:
             f"the view {name} is no View.", 'Write View("t", "x").', got=shown(view), value=view
         )
     for quantity in view.names:
-        if quantity not in known:
-            raise DeclarationError.none_of(
-                known,
-                quantity,
-                f"the view {name} shows {shown(quantity)}, which is no state, observable or reconstruction variable.",
-                "There are",
-            )
+        fact = f"the view {name} shows {shown(quantity)}, which is no state, observable or reconstruction variable."
+        check_among(quantity, known, fact, "There are")
     if len(set(view.names)) < len(view.names):
         raise DeclarationError(
             f"the view {name} shows a quantity twice.", "Take another.", got=", ".join(view.names)
@@ -104,13 +92,8 @@ def _checked(name: str, view: object, known: list[str]) -> View:
         )
     ranges = {}
     for quantity, interval in view.ranges.items():
-        if quantity not in view.names:
-            raise DeclarationError.none_of(
-                view.names,
-                quantity,
-                f"the view {name} has a range of {shown(quantity)}, which it does not show.",
-                "It shows",
-            )
+        fact = f"the view {name} has a range of {shown(quantity)}, which it does not show."
+        check_among(quantity, view.names, fact, "It shows")
         ranges[quantity] = check_interval(
             interval,
             what=f"range of {quantity} in the view {name}",

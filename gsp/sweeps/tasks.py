@@ -14,7 +14,7 @@ import numpy as np
 from gsp.errors import DeclarationError
 from gsp.results.point_verbs import Record, point_verbs
 from gsp.sweeps.plan import Variable
-from gsp.systems.arguments import shown
+from gsp.systems.arguments import check_among, shown
 
 if TYPE_CHECKING:
     from gsp.scenes.study import Study
@@ -61,10 +61,7 @@ def check_options(name: str, options: Mapping[str, object]) -> None:
     parameters = inspect.signature(point_verbs()[name].record).parameters.values()
     known = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
     for option in options:
-        if option not in known:
-            raise DeclarationError.none_of(
-                known, option, f"{shown(option)} is no option of {name}.", "Its options are"
-            )
+        check_among(option, known, f"{shown(option)} is no option of {name}.", "Its options are")
 
 
 def function_of(name: str) -> Callable[..., Any]:

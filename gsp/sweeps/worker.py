@@ -18,7 +18,7 @@ from gsp.results.point_verbs import Record, point_verbs
 from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Variable
 from gsp.sweeps.store import STATUS, Store
 from gsp.sweeps.tasks import encoded, function_of, is_verb, variables_of
-from gsp.systems.arguments import check_positive
+from gsp.systems.arguments import check_among, check_positive
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
@@ -53,10 +53,7 @@ class Subject:
                 raise DeclarationError(
                     f"{name} is the small parameter, which every sweep calls epsilon.", "Call the axis epsilon."
                 )
-            if name not in known:
-                raise DeclarationError.none_of(
-                    known, name, f"{name} is no number of the model.", "Its numbers are"
-                )
+            check_among(name, known, f"{name} is no number of the model.", "Its numbers are")
             if name in options:
                 raise DeclarationError(f"{name} is an axis and an option.", "Give it once.")
 

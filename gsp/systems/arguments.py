@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import numbers
 import operator
+import re
 import reprlib
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from math import inf, isnan
 from typing import Any
 
 import numpy as np
 
 from gsp.errors import DeclarationError
+
+PLAIN_WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 # How each noun is made of another, in words to be filled in: what to do first when a verb is given the wrong one.
 _STEPS = {
@@ -222,6 +225,19 @@ def check_progress(value: Any) -> None:
             got=shown(value),
             value=value,
         )
+
+
+def check_among(value: object, known: Collection[object], fact: str, listing: str) -> None:
+    """Raises `DeclarationError` with the `fact` unless `value` is one of `known`, told after the words of `listing`."""
+    if value not in known:
+        raise DeclarationError.none_of(known, value, fact, listing)
+
+
+def check_plain_word(value: Any, *, what: str) -> str:
+    """`value` if it is letters, digits, _ and -, at most 64, which a file may be called by."""
+    if not isinstance(value, str) or not PLAIN_WORD.fullmatch(value):
+        raise _refused(what, "a plain word", value, "Use letters and digits.")
+    return value
 
 
 def check_text(value: Any, *, what: str) -> str:

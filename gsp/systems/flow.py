@@ -19,6 +19,7 @@ import sympy as sp
 from gsp.errors import DeclarationError, GspError
 from gsp.systems.arguments import (
     as_float,
+    check_among,
     check_array,
     check_each,
     check_whole,
@@ -135,10 +136,7 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
     given = values_by_name(point, what=what)
     names = [state.name for state in states]
     for name in given:
-        if name not in names:
-            raise DeclarationError.none_of(
-                names, name, f'{what} names "{name}", which is no state.', "The states are"
-            )
+        check_among(name, names, f'{what} names "{name}", which is no state.', "The states are")
     check_given(given, names, what=what)
     return tuple(given[name] for name in names)
 
@@ -264,8 +262,7 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
     if isinstance(values, Mapping):
         given = {key.name if isinstance(key, sp.Symbol) else key: value for key, value in values.items()}
         for name in given:
-            if name not in names:
-                raise DeclarationError.none_of(names, name, f'{what} names "{name}".', "It takes")
+            check_among(name, names, f'{what} names "{name}".', "It takes")
         missing = [name for name in names if name not in given]
         if missing:
             raise DeclarationError(f"{what} gives no value for {', '.join(missing)}.", "Give each a number.")
