@@ -10,7 +10,6 @@ import click
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, tell_notes, wrote
-from gsp.results.files import write_file
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
@@ -46,7 +45,7 @@ def average(
         measured = compare_averaged(found, progress=show)
     check_interrupt()
     if output is not None:
-        write_file(charts.drawn(charts.draw(found), output.suffix[1:].lower()), output)
+        charts.save(charts.draw(found), output)
         wrote(output)
     if as_json:
         print_json({"name": scene.name, **found.as_dict(), "comparison": measured.as_json()})

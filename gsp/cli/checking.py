@@ -10,7 +10,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell
+from gsp.cli.telling import check_interrupt, give, print_json, progress_bar, tell
 from gsp.errors import DeclarationError, GspError
 
 if TYPE_CHECKING:
@@ -69,10 +69,7 @@ def check(
             )
             if output is not None and certificate.verdict.name == "PROVED":
                 certificate.save(output)
-        if as_json:
-            print_json({"name": scene.name, **certificate.as_dict()})
-        else:
-            tell(certificate)
+        give(certificate, as_json, name=scene.name)
         click.get_current_context().exit({"PROVED": 0, "REFUTED": 1, "UNDECIDED": 3}[certificate.verdict.name])
     verdict = study.hyperbolicity
     if as_json:
@@ -106,12 +103,9 @@ def _passage(study: Study, advance: Callable[..., None]) -> PassageCertificate:
 def _tell_up_to(scene: Scene, found: CycleCertificate | PassageCertificate, as_json: bool) -> NoReturn:
     """Tell what is proved up to an epsilon."""
     reaches = scene.epsilon <= found.epsilon_0
-    if as_json:
-        print_json({"name": scene.name, "epsilon": scene.epsilon, "reaches": reaches, **found.as_dict()})
-    else:
-        tell(found)
-        if found.verdict.name == "PROVED" and not reaches:
-            tell(f"  undecided at {scene.system.epsilon} = {scene.epsilon:g} of the model, which is larger")
+    give(found, as_json, name=scene.name, epsilon=scene.epsilon, reaches=reaches)
+    if found.verdict.name == "PROVED" and not reaches and not as_json:
+        tell(f"  undecided at {scene.system.epsilon} = {scene.epsilon:g} of the model, which is larger")
     raise SystemExit(0 if reaches else 3)
 
 
@@ -142,7 +136,4 @@ def verify(file: Path, as_json: bool) -> None:
         else:
             tell(f"the proof does not hold: {error}")
         click.get_current_context().exit(1)
-    if as_json:
-        print_json({"holds": True, **found.as_dict()})
-    else:
-        tell(found)
+    give(found, as_json, holds=True)

@@ -9,8 +9,17 @@ import click
 
 from gsp.cli.asking import asks, json_option, orders_through, output_option, tell_variables
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, tell, wrote
-from gsp.errors import DeclarationError, GspError
+from gsp.cli.telling import (
+    check_interrupt,
+    check_parent,
+    compiling_told,
+    give,
+    print_json,
+    progress_bar,
+    tell,
+    wrote,
+)
+from gsp.errors import DeclarationError
 from gsp.results.files import write_file
 from gsp.results.interrupts import undisturbed
 
@@ -26,11 +35,7 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare the classical methods for the slow manifold of MODEL with the series: error, order in epsilon, cost."""
     from gsp.comparison.method_table import method_table
 
-    table = method_table(scene, **orders_through(order))
-    if as_json:
-        print_json(table.as_json())
-        return
-    tell(table)
+    give(method_table(scene, **orders_through(order)), as_json)
 
 
 @cli.command()
@@ -53,8 +58,7 @@ def chart(
 
     charts.check_chart_name(target)
     for path in filter(None, (target, table)):
-        if not path.absolute().parent.is_dir():
-            raise GspError(f"there is no folder {path.absolute().parent}.", "Make it, or give another path.")
+        check_parent(path)
     orders = orders_through(order)
     found: Any
     with progress_bar("runs") as advance:
@@ -74,11 +78,9 @@ def chart(
         wrote(target)
         if table is not None:
             found.write_csv(table)
-    if as_json:
-        print_json(found.as_json())
-        return
-    tell(found)
-    click.echo(f"chart: {target}")
+    give(found, as_json)
+    if not as_json:
+        click.echo(f"chart: {target}")
 
 
 @cli.command()
@@ -98,19 +100,13 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
         found = find_reductions(scene, tolerance=tolerance)
         taken = found.taken if found.recommended is not None or found.solved else None
         if taken is None:
-            if as_json:
-                print_json({"name": scene.name, **found.as_dict()})
-            else:
-                tell(found)
+            give(found, as_json, name=scene.name)
             return
         asked, fast = found.study or scene, taken.counts_fast
     choice = choose_model(asked, tolerance=tolerance, fast=fast, **orders_through(order))
     if found is not None:
         tell(found.with_costs(choice), err=as_json)
-    if as_json:
-        print_json(choice.as_json())
-        return
-    tell(choice)
+    give(choice, as_json)
 
 
 @cli.command()

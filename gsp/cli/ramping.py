@@ -11,7 +11,6 @@ from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
-from gsp.results.files import write_file
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
@@ -38,13 +37,14 @@ def ramp(scene: Scene, name: str | None, amplitudes: str | None, output: Path | 
     from gsp import charts
     from gsp.singular.ramps.critical_rate import CriticalRate, critical_rate
     from gsp.singular.ramps.rate_diagram import rate_diagram
+    from gsp.systems.arguments import check_among
 
     if output is not None:
         charts.check_chart_name(output)
     if not scene.ramps:
         raise DeclarationError("the model has no ramp.", "Give it a table [ramps.NAME]; see docs/models.md.")
-    if name is not None and name not in scene.ramps:
-        raise DeclarationError.none_of(scene.ramps, name, f"the model has no ramp {name!r}.", "They are")
+    if name is not None:
+        check_among(name, scene.ramps, f"the model has no ramp {name!r}.", "They are")
     factors = None if amplitudes is None else _factors(amplitudes)
     found: dict[str, CriticalRate | RateDiagram] = {}
     refused: GspError | None = None
@@ -78,7 +78,7 @@ def ramp(scene: Scene, name: str | None, amplitudes: str | None, output: Path | 
         # The first that has a threshold; where none has one, the chart of the first says why.
         answers = list(found.values())
         shown = next((a for a in answers if not isinstance(a, CriticalRate) or a.has_chart), answers[0])
-        write_file(charts.drawn(charts.draw(shown), output.suffix[1:].lower()), output)
+        charts.save(charts.draw(shown), output)
         wrote(output)
         if not as_json:
             click.echo(f"chart: {output}")

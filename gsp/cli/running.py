@@ -10,8 +10,8 @@ import click
 
 from gsp.cli.asking import asks, found_small, json_option, orders_through, output_option, tell_variables
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell, wrote
-from gsp.errors import DeclarationError, GspError
+from gsp.cli.telling import check_interrupt, check_parent, print_json, progress_bar, tell, wrote
+from gsp.errors import DeclarationError
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
@@ -94,8 +94,7 @@ def _check_target(output: Path | None) -> None:
         raise DeclarationError(
             "values are written as .csv or .json.", "Give a name with one of these.", got=output.name
         )
-    if not output.absolute().parent.is_dir():
-        raise GspError(f"there is no folder {output.absolute().parent}.", "Make it, or give another path.")
+    check_parent(output)
 
 
 def _give(found: Tabular, output: Path | None, as_json: bool) -> None:

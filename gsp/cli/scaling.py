@@ -9,7 +9,7 @@ import click
 
 from gsp.cli.asking import asks, json_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, print_json, progress_bar, tell
+from gsp.cli.telling import check_interrupt, give, print_json, progress_bar, tell
 from gsp.errors import DeclarationError, GspError
 
 if TYPE_CHECKING:
@@ -55,10 +55,7 @@ def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], scalings: bool
     with progress_bar("time scales") as show:
         found = time_scales(scene, progress=show)
     check_interrupt()
-    if as_json:
-        print_json(found.as_json())
-        return
-    tell(found)
+    give(found, as_json)
 
 
 def _tell_scalings(scene: Scene, as_json: bool) -> None:

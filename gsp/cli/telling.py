@@ -8,11 +8,13 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from typing import Any
 
 import click
 
-from gsp.errors import printable
+from gsp.errors import GspError, printable
 from gsp.results.lettering import in_unicode
+from gsp.results.tabular import Tabular
 
 NOTE = 160
 """Characters of a note on a foreign model."""
@@ -84,6 +86,21 @@ def tell(text: object, *, err: bool = False) -> None:
 
 def print_json(value: object) -> None:
     click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def give(found: Any, as_json: bool, **beside: object) -> None:
+    """`found` in words, or as JSON with what stands `beside` it."""
+    if as_json:
+        print_json(beside | (found.as_json() if isinstance(found, Tabular) else found.as_dict()))
+    else:
+        tell(found)
+
+
+def check_parent(path: Path) -> None:
+    """Raises `GspError` where there is no folder for the file `path`."""
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise GspError(f"there is no folder {folder}.", "Make it, or give another path.")
 
 
 def check_interrupt() -> None:

@@ -20,8 +20,8 @@ from gsp.cli.asking import (
     tell_variables,
 )
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, tell, wrote
-from gsp.errors import DeclarationError, GspError
+from gsp.cli.telling import check_interrupt, check_parent, compiling_told, print_json, progress_bar, tell, wrote
+from gsp.errors import DeclarationError
 from gsp.exports import TARGETS
 from gsp.results.files import write_file
 
@@ -171,8 +171,7 @@ def demo(
     scene = scene_with_options(scene, (), epsilon, ())
     tell_variables(scene)
     target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
-    if not target.absolute().parent.is_dir():
-        raise GspError(f"there is no folder {target.absolute().parent}.", "Make it, or give another path.")
+    check_parent(target)
     with compiling_told(), progress_bar("page"):
         page = make_demo(scene, story=story)
     check_interrupt()
