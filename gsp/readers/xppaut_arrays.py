@@ -9,9 +9,9 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import NoReturn
 
 from gsp.errors import ModelFileError
+from gsp.readers.expressions import parse_expression
 from gsp.readers.xppaut_lines import fail
 
 # The most members of an array, and the most lines and characters of a file written out.
@@ -24,7 +24,8 @@ _BLOCK = re.compile(r"%\s*\[\s*(-?[0-9]{1,6})\s*\.{2,3}\s*(-?[0-9]{1,6})\s*\]")
 _SUM = re.compile(r"(?<![a-z0-9_.])sum\s*\(")
 _SHIFT = re.compile(r"(?<![a-z0-9_.])shift\s*\(")
 _RUNNING = re.compile(r"(?<![a-z0-9_.])i'")
-_INTEGERS = re.compile(r"\s*([0-9]{1,9}|mod|[-+*(),])")
+# Two * are a power, and none has a sign before it.
+_INTEGERS = re.compile(r"(?:[-+()0-9]|(?<!\*)\*)+")
 _OPERATORS: Mapping[str, Callable[[int, int], int]] = {"+": operator.add, "-": operator.sub, "*": operator.mul}
 
 Line = tuple[int, str]
@@ -187,60 +188,20 @@ def _arguments(text: str, begin: int, count: int) -> tuple[list[str], int]:
 
 def _whole(text: str) -> int:
     """A whole number written with + - * mod and parentheses."""
-    words = [match[1] for match in _INTEGERS.finditer(text)]
-    at, depth = 0, 0
-
-    def wrong() -> NoReturn:
+    plain = "".join(text.split())
+    try:
+        # The last one holds no other.
+        while (begin := plain.rfind("mod(")) >= 0:
+            arguments, end = _arguments(plain, begin + len("mod("), 2)
+            left, right = map(_whole, arguments)
+            # XPPAUT's is at least 0.
+            plain = f"{plain[:begin]}({left % right if right > 0 else ''}){plain[end:]}"
+        value = parse_expression(plain, symbols={}) if _INTEGERS.fullmatch(plain) else None
+    except ModelFileError:
+        value = None
+    if value is None or abs(value) > 10**9:
         raise ModelFileError(
             "bounds of sums and shifts are whole numbers, of digits, i', + - * and mod.",
             got=f"{text.strip()[:60]!r}",
         )
-
-    def take(word: str) -> bool:
-        nonlocal at
-        if at < len(words) and words[at] == word:
-            at += 1
-            return True
-        return False
-
-    def total() -> int:
-        nonlocal depth
-        depth += 1
-        if depth > 50:
-            wrong()
-        value = product()
-        while at < len(words) and words[at] in "+-":
-            value = value + product() if take("+") else value - product() if take("-") else wrong()
-        depth -= 1
-        return value
-
-    def product() -> int:
-        value = factor()
-        while take("*"):
-            value *= factor()
-        return value
-
-    def factor() -> int:
-        nonlocal at
-        sign = 1
-        while take("-"):
-            sign = -sign
-        if take("("):
-            value = total()
-            return sign * value if take(")") else wrong()
-        if take("mod"):
-            if not take("("):
-                wrong()
-            left = total()
-            right = total() if take(",") else wrong()
-            # XPPAUT's is at least 0.
-            return sign * (left % right) if take(")") and right > 0 else wrong()
-        if at < len(words) and words[at].isdigit():
-            at += 1
-            return sign * int(words[at - 1])
-        wrong()
-
-    value = total()
-    if at < len(words) or "".join(words) != "".join(text.split()) or abs(value) > 10**9:
-        wrong()
-    return value
+    return int(value)

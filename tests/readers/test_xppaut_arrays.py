@@ -113,7 +113,7 @@ def test_sums_and_shifts_are_written_out() -> None:
 
 
 # What was closed before makes no room for more.
-DEEP = "+".join(["(0)"] * 60 + ["(" * 51 + "1" + ")" * 51])
+DEEP = "+".join(["(0)"] * 60 + ["(" * 101 + "1" + ")" * 101])
 
 
 @pytest.mark.parametrize("by", ["3", "-2", "mod(1,0)", "mod(1,-2)", "mod(1)", "2*", "1.5", "10000000000", DEEP])
