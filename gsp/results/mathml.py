@@ -42,44 +42,33 @@ class _MathPrinter(MathMLPresentationPrinter):
         rate = rate_of(original.name)
         if not all(original.name.split("_")):
             # SymPy sets what is behind two underscores as a power.
-            spelt = self.dom.createElement("mi")
-            spelt.appendChild(self.dom.createTextNode(original.name))
-            return spelt
+            return self._made("mi", original.name)
         printed = super()._print_Symbol(sp.Symbol(rate[0]) if rate else original, style)  # pyright: ignore[reportAttributeAccessIssue]
         if rate is None:
             return printed
-        dots = self.dom.createElement("mo")
-        dots.setAttribute("mathsize", "120%")
-        dots.appendChild(self.dom.createTextNode(_DOTS[rate[1] - 1]))
-        made = self.dom.createElement("mover")
-        made.appendChild(printed)
-        made.appendChild(dots)
-        return made
+        return self._made("mover", printed, self._made("mo", _DOTS[rate[1] - 1], mathsize="120%"))
 
     def _print_Piecewise(self, expr: sp.Piecewise) -> Any:
         """A brace, and a line for each case."""
-        table = self.dom.createElement("mtable")
-        table.setAttribute("class", "cases")
-        table.setAttribute("columnalign", "left left")
+        lines = []
         for value, condition in cast(Any, expr.args):
-            line = self.dom.createElement("mtr")
-            word = self.dom.createElement("mtext")
-            word.appendChild(self.dom.createTextNode("otherwise" if condition == sp.true else "if\u00a0"))
+            word = self._made("mtext", "otherwise" if condition == sp.true else "if\u00a0")
             where = [word] if condition == sp.true else [word, self._print(condition)]
-            for parts in ([self._print(value)], where):
-                cell = self.dom.createElement("mtd")
-                cell.setAttribute("style", "text-align: left")
-                for part in parts:
-                    cell.appendChild(part)
-                line.appendChild(cell)
-            table.appendChild(line)
-        brace = self.dom.createElement("mo")
-        brace.setAttribute("stretchy", "true")
-        brace.appendChild(self.dom.createTextNode("{"))
-        made = self.dom.createElement("mrow")
-        made.appendChild(brace)
-        made.appendChild(table)
-        return made
+            cells = (
+                self._made("mtd", *parts, style="text-align: left") for parts in ([self._print(value)], where)
+            )
+            lines.append(self._made("mtr", *cells))
+        table = self._made("mtable", *lines, **{"class": "cases", "columnalign": "left left"})
+        return self._made("mrow", self._made("mo", "{", stretchy="true"), table)
+
+    def _made(self, tag: str, *parts: Any, **attributes: str) -> Any:
+        """An element of `parts`, text among them."""
+        element = self.dom.createElement(tag)
+        for name, value in attributes.items():
+            element.setAttribute(name, value)
+        for part in parts:
+            element.appendChild(self.dom.createTextNode(part) if isinstance(part, str) else part)
+        return element
 
 
 class Typesetter:
