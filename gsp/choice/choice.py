@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -174,15 +175,15 @@ def choose(
     trials = [reduced_candidate(forecast, n, scene, rtol) for n in valid_orders] if forecast else []
     known = [study.measured.get(n) for n in valid_orders]
     trials = [t if e is None else measured_candidate(t, e, scene) for t, e in zip(trials, known)]
-    reference = _reference(forecast, scene, piece)
-    trials = [_beside(trial, forecast, None, scene, piece, reference) for trial in trials]
+    beside = _OnPiece(scene, forecast, piece)
+    trials = [beside.judged(trial) for trial in trials]
     names = _compared(scene, forecast)
     surface = None
     if forecast:
         trials = measured_where_untold(trials, forecast, names)
     if forecast and solve:
         solved, surface = solved_candidate(forecast, [trial.candidate for trial in trials], scene, rtol)
-        trials.append(_beside(solved, forecast, surface, scene, piece, reference))
+        trials.append(beside.judged(solved, surface))
     *reduced, full = timed([*trials, whole])
     ending = ""
     if forecast and max(forecast.prediction.runs) <= max(valid_orders):
@@ -211,7 +212,7 @@ def choose(
             fast_measured=fast_measured,
         )
     )
-    expected, measured = _measured(model, forecast, surface, scene, piece, reference)
+    expected, measured = beside.errors(model, surface)
     return Choice(
         study=study,
         epsilon=scene.epsilon,
@@ -314,71 +315,66 @@ def _defined(names: Sequence[str], forecast: Forecast | None) -> list[str]:
     return [shown[n] if n in shown and len(shown[n]) < 64 else n for n in names]
 
 
-def _reference(forecast: Forecast | None, scene: Scene, piece: Interval) -> Trajectory:
-    """The full system on the piece, the layer left out, far more exact than what is measured against it."""
-    (flow, start), rtol = _full(scene, forecast), max(CLEARER * scene.tolerance, SMALLEST_RTOL)
-    grid = np.linspace(*_behind(forecast.layer if forecast else 0.0, piece), PIECE_POINTS)
-    return run_model(flow, start, scene, piece, rtol, at=grid)
+@dataclass(frozen=True, eq=False)
+class _OnPiece:
+    """Models beside the full system on a piece of the span, the layer left out; `forecast` as far as there is one."""
 
+    scene: Scene
+    forecast: Forecast | None
+    piece: Interval
 
-def _measured(
-    model: Candidate,
-    forecast: Forecast | None,
-    surface: SurfaceForecast | None,
-    scene: Scene,
-    piece: Interval,
-    reference: Trajectory,
-) -> tuple[float, float]:
-    """(predicted, measured) error of the model on the piece, at the times of its `reference`."""
-    (flow, start), names = _full(scene, forecast), _compared(scene, forecast)
-    grid = np.linspace(*_behind(forecast.layer if forecast else 0.0, piece), PIECE_POINTS)
-    rtol = INTEGRATION * scene.tolerance
-    if model.kind is ModelKind.FULL or forecast is None:
-        predicted = rtol
-        # A run that ends early may have no row on the piece; nothing is measured then.
-        scale = {name: float(np.abs(reference[name]).max(initial=0.0)) or 1.0 for name in names}
-    elif model.kind is ModelKind.SOLVED:
-        assert surface is not None
-        flow, start = surface.flow, surface.start
-        predicted = float(surface.errors(grid).max())
-        scale = forecast.prediction.scale
-    else:
-        order = model.order
-        assert order is not None
-        flow, start = forecast.flows[order], forecast.starts[order]
-        predicted = model.predicted if model.is_measured else float(forecast.errors(order, grid).max())
-        scale = forecast.prediction.scale
-    own = run_model(flow, start, scene, piece, rtol, at=grid)
-    if not (own.status.ok and reference.status.ok):
-        return predicted, float("nan")
-    measured = max(float(np.abs(own[name] - reference[name]).max()) / scale[name] for name in names)
-    return predicted, measured
+    @property
+    def grid(self) -> np.ndarray:
+        return np.linspace(*_behind(self.forecast.layer if self.forecast else 0.0, self.piece), PIECE_POINTS)
 
+    @cached_property
+    def reference(self) -> Trajectory:
+        """The full system, far more exact than what is measured against it."""
+        rtol = max(CLEARER * self.scene.tolerance, SMALLEST_RTOL)
+        return run_model(*_full(self.scene, self.forecast), self.scene, self.piece, rtol, at=self.grid)
 
-def _beside(
-    trial: Trial,
-    forecast: Forecast | None,
-    surface: SurfaceForecast | None,
-    scene: Scene,
-    piece: Interval,
-    reference: Trajectory,
-) -> Trial:
-    """The trial, no longer valid if it is off by more than the tolerance on the piece, whatever was predicted."""
-    if not trial.candidate.valid:
-        return trial
-    _, measured = _measured(trial.candidate, forecast, surface, scene, piece, reference)
-    if not measured > scene.tolerance:
-        return trial
-    why = f"it is off by {measured:.1e} on t = {reference.t[0]:.4g} to {piece[1]:.4g}, more than was predicted"
-    found = replace(
-        trial.candidate,
-        predicted=float("nan"),
-        holds_until=piece[0],
-        valid=False,
-        why_not=why,
-        failure=Failure.UNTOLD,
-    )
-    return replace(trial, candidate=found)
+    def errors(self, model: Candidate, surface: SurfaceForecast | None) -> tuple[float, float]:
+        """(predicted, measured) error of a model."""
+        scene, forecast, reference = self.scene, self.forecast, self.reference
+        (flow, start), names = _full(scene, forecast), _compared(scene, forecast)
+        rtol = INTEGRATION * scene.tolerance
+        if model.kind is ModelKind.FULL or forecast is None:
+            predicted = rtol
+            # A run that ends early may have no row on the piece; nothing is measured then.
+            scale = {name: float(np.abs(reference[name]).max(initial=0.0)) or 1.0 for name in names}
+        elif model.kind is ModelKind.SOLVED:
+            assert surface is not None
+            flow, start = surface.flow, surface.start
+            predicted = float(surface.errors(self.grid).max())
+            scale = forecast.prediction.scale
+        else:
+            order = model.order
+            assert order is not None
+            flow, start = forecast.flows[order], forecast.starts[order]
+            predicted = model.predicted if model.is_measured else float(forecast.errors(order, self.grid).max())
+            scale = forecast.prediction.scale
+        own = run_model(flow, start, scene, self.piece, rtol, at=self.grid)
+        if not (own.status.ok and reference.status.ok):
+            return predicted, float("nan")
+        return predicted, max(float(np.abs(own[n] - reference[n]).max()) / scale[n] for n in names)
+
+    def judged(self, trial: Trial, surface: SurfaceForecast | None = None) -> Trial:
+        """The trial, no longer valid if it is off by more than the tolerance here, whatever was predicted."""
+        if not trial.candidate.valid:
+            return trial
+        _, measured = self.errors(trial.candidate, surface)
+        if not measured > self.scene.tolerance:
+            return trial
+        begin, end = self.reference.t[0], self.piece[1]
+        found = replace(
+            trial.candidate,
+            predicted=float("nan"),
+            holds_until=self.piece[0],
+            valid=False,
+            why_not=f"it is off by {measured:.1e} on t = {begin:.4g} to {end:.4g}, more than was predicted",
+            failure=Failure.UNTOLD,
+        )
+        return replace(trial, candidate=found)
 
 
 def _check_start(scene: Scene) -> None:

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp.choice.candidates import PIECE, Candidate, ModelKind
-from gsp.choice.choice import _measured, _reference
+from gsp.choice.choice import _OnPiece
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -34,7 +34,7 @@ def measured(rate: sp.Expr, begin: float, *, layer: float = 0.0) -> tuple[float,
     )
     model = Candidate(ModelKind.REDUCED, 1)
     piece = (0.0, 1.0)
-    return _measured(model, forecast, None, SCENE, piece, _reference(forecast, SCENE, piece))  # pyright: ignore
+    return _OnPiece(SCENE, forecast, piece).errors(model, None)  # pyright: ignore
 
 
 @pytest.mark.parametrize(("layer", "begun"), [(0.0, 0.0), (0.3, 0.3), (5.0, 1.0 - PIECE)])
@@ -56,8 +56,8 @@ def test_of_a_full_system_that_ends_early_nothing_is_measured() -> None:
     ends = SlowFastSystem(slow={x: 2 * x**2}, fast={y: x - y}, epsilon=eps)
     model = Candidate(ModelKind.FULL, None)
     piece, ending = (0.0, 1.0), replace(SCENE, system=ends)
-    found = _measured(model, None, None, ending, piece, _reference(None, ending, piece))
+    found = _OnPiece(ending, None, piece).errors(model, None)
     assert np.isnan(found[1])
-    found = _measured(model, None, None, SCENE, piece, _reference(None, SCENE, piece))
+    found = _OnPiece(SCENE, None, piece).errors(model, None)
     assert 0 < found[1] < 1e-6
     assert found[0] == 1e-7
