@@ -22,7 +22,7 @@ from gsp.integration.restriction import restrict
 from gsp.kernels import integrator, radau, step_control
 from gsp.readers.expressions import parse_expression
 from gsp.readers.nodes import CONSTANTS
-from gsp.readers.toml import _symbols
+from gsp.readers.toml_values import symbols_of
 from gsp.report import folder as reports
 from gsp.results.mathml import operator
 from gsp.slow.series import expand
@@ -65,8 +65,8 @@ def test_digits_that_exponents_make_are_counted_over_the_whole_text() -> None:
 @pytest.mark.parametrize("name", ["a-b", "a b", "_a", "1a", "\u00e9", "a" * 65, "a.b", "a\n", "x;y", ""])
 def test_a_name_in_a_file_is_a_plain_word(name: str) -> None:
     with pytest.raises(ModelFileError, match="is no plain word"):
-        _symbols({"states": {name: 1}})
-    assert set(_symbols({"states": {"a" * 64: 1, "a_1B": 1}})) == {"a" * 64, "a_1B"}
+        symbols_of({"states": {name: 1}})
+    assert set(symbols_of({"states": {"a" * 64: 1, "a_1B": 1}})) == {"a" * 64, "a_1B"}
 
 
 # -- the report ------------------------------------------------------------------------------------

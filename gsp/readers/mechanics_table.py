@@ -31,7 +31,7 @@ from gsp.mechanics.friction import COULOMB, with_friction
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.readers import toml_values as values
 from gsp.readers.definitions import read_definitions
-from gsp.readers.expressions import RESERVED, Definitions
+from gsp.readers.expressions import Definitions
 from gsp.readers.limits import at_most
 from gsp.scenes.scene import Scene
 from gsp.sliding.law import LAWS
@@ -95,7 +95,12 @@ class _Mechanics:
         self.slips = list(given) if isinstance(given, dict) else []
         self.clock = [values.text(self.table["time"], "mechanics.time", 64)] if "time" in self.table else []
         self.epsilon = values.text(document.get("epsilon", "epsilon"), "epsilon", 64)
-        self.symbols = {s: sp.Symbol(s) for s in self._names()}
+        self.symbols = values.symbols_of({
+            "parameters": self.parameters, "coordinates": self.coordinates, "velocities": self.velocities,
+            # A quasi-velocity may be a velocity.
+            "frame": [u for u in self.frame if u not in self.velocities], "constraints": self.slips,
+            "time": self.clock, "epsilon": [self.epsilon],
+        })  # fmt: skip
         self.definitions: Definitions = read_definitions(values.table(document, "definitions"), self.symbols)
 
     def document(self) -> tuple[dict, Contacts | None]:
@@ -177,26 +182,6 @@ class _Mechanics:
         if not isinstance(given, list):
             raise ModelFileError("mechanics.holonomic is a list of expressions.", got=f"a {values.kind(given)}")
         return [self._expression(each, "holonomic") for each in given]
-
-    def _names(self) -> list[str]:
-        """All names of the model, each a plain word that is used once; a velocity may be a quasi-velocity too."""
-        roles = {
-            "parameters": self.parameters, "coordinates": self.coordinates, "velocities": self.velocities,
-            "frame": [u for u in self.frame if u not in self.velocities], "constraints": self.slips,
-            "time": self.clock, "epsilon": [self.epsilon],
-        }  # fmt: skip
-        seen: dict[str, str] = {}
-        for role, names in roles.items():
-            for word in names:
-                if not values.WORD.fullmatch(word) or word in RESERVED:
-                    raise ModelFileError(
-                        f"{role}: {word[:80]!r} is no name.",
-                        "Use letters, digits and _, a letter first, at most 64.",
-                    )
-                if word in seen:
-                    raise ModelFileError(f"{role}: {word} is among {seen[word]} too.", "Choose another name.")
-                seen[word] = role
-        return list(seen)
 
     def _words(self, key: str) -> list[str]:
         given = self.table[key]

@@ -74,7 +74,7 @@ import sympy as sp
 from gsp.errors import ModelFileError, nearest
 from gsp.readers import toml_values as values
 from gsp.readers.definitions import read_definitions
-from gsp.readers.expressions import RESERVED, Definitions
+from gsp.readers.expressions import Definitions
 from gsp.readers.limits import at_most
 from gsp.readers.mechanics_table import with_equations
 from gsp.readers.phase_table import read_phase
@@ -287,7 +287,7 @@ def _system(
         count = sum(len(tables[kind]) for kind in kinds)
         at_most(limit, count, f"{', '.join(kinds)} hold", "names", "Use a smaller model.")
     small = {epsilon: ""} if has_small else {}
-    symbols = _symbols({"epsilon": small, "parameters": tables["parameters"], **equations})
+    symbols = values.symbols_of({"epsilon": small, "parameters": tables["parameters"], **equations})
     definitions = read_definitions(tables["definitions"], symbols)
     driven = {symbols[key] for key in tables["reconstruction"]}
 
@@ -341,26 +341,6 @@ def _names_small(document: dict, tables: dict[str, dict]) -> bool:
         text for kind in ("states", "definitions") for text in tables[kind].values() if isinstance(text, str)
     ]
     return "epsilon" not in declared and any(re.search(r"\bepsilon\b", text) for text in texts)
-
-
-def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:
-    """A symbol for each name, once it is known to be a plain word that is used once."""
-    roles: dict[str, str] = {}
-    for role, table in tables.items():
-        for name in table:
-            if not values.WORD.fullmatch(name):
-                raise ModelFileError(
-                    f"{role}: the name {name[:80]!r} is no plain word.",
-                    "Use the letters A to Z and a to z, digits and _, a letter first, at most 64.",
-                )
-            if name in RESERVED:
-                raise ModelFileError(f"{role}.{name}: {name} is a word of the grammar.", "Choose another name.")
-            if name in roles:
-                raise ModelFileError(
-                    f"{role}.{name}: {name} is declared under {roles[name]} too.", "Keep one of the two."
-                )
-            roles[name] = role
-    return {name: sp.Symbol(name) for name in roles}
 
 
 def _claims(

@@ -9,7 +9,7 @@ from decimal import Decimal
 import sympy as sp
 
 from gsp.errors import ModelFileError, met_at, nearest
-from gsp.readers.expressions import CHARACTERS, Definitions, parse_expression
+from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
 from gsp.readers.limits import at_most
 from gsp.readers.tokens import parse_number
 
@@ -157,6 +157,26 @@ def small(document: dict) -> tuple[dict, str]:
             f"Name it once; `gsp nest --small {named[0]},{named[0]}` takes it for both.",
         )
     return {**document, "epsilon": named[0]}, named[1]
+
+
+def symbols_of(tables: Mapping[str, Iterable[str]]) -> dict[str, sp.Symbol]:
+    """A symbol for each name in `tables`, once it is known to be a plain word that is used once."""
+    roles: dict[str, str] = {}
+    for role, table in tables.items():
+        for name in table:
+            if not WORD.fullmatch(name):
+                raise ModelFileError(
+                    f"{role}: the name {name[:80]!r} is no plain word.",
+                    "Use the letters A to Z and a to z, digits and _, a letter first, at most 64.",
+                )
+            if name in RESERVED:
+                raise ModelFileError(f"{role}.{name}: {name} is a word of the grammar.", "Choose another name.")
+            if name in roles:
+                raise ModelFileError(
+                    f"{role}.{name}: {name} is declared under {roles[name]} too.", "Keep one of the two."
+                )
+            roles[name] = role
+    return {name: sp.Symbol(name) for name in roles}
 
 
 def body(value: object, key: str) -> str:
