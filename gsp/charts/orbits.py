@@ -11,7 +11,6 @@ from gsp.charts.manifolds import slow_line
 from gsp.charts.sampling import (
     LINE,
     chart_symbols,
-    covered,
     dense_run,
     during,
     evaluate,
@@ -40,10 +39,10 @@ from gsp.charts.style import (
     SERIES,
     VERMILION,
     at_epsilon,
-    bounded,
     chart,
     darts,
     legend,
+    limits,
     mathematics,
     name_axes,
     orbit,
@@ -139,7 +138,8 @@ def path(analysis: Analysis, axes: Axes) -> None:
 def _from_limit(analysis: Analysis, run: Trajectory, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Times, and by how much a full run is away from the limit, relative to its largest value."""
     size = float(np.abs(analysis.limit[name]).max()) or 1.0
-    start, end = covered(run, analysis.limit)
+    # The interval of time that both cover.
+    start, end = max(run.t[0], analysis.limit.t[0]), min(run.t[-1], analysis.limit.t[-1])
     # Quadratic spacing: the initial layer is short.
     t = start + (end - start) * np.linspace(0.0, 1.0, LINE) ** 2
     return t, (reading(analysis, run.sample(t), name) - analysis.limit.sample(t)[name]) / size
@@ -185,7 +185,7 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
     if len(names) > 1:
         for style, name in zip(LINES, names):
             axes.plot([], [], color=GREY, ls=style, label=mathematics(name))
-    bounded(axes, [np.concatenate([[0.0], *seen])], [])
+    axes.set_ylim(limits([np.concatenate([[0.0], *seen])], []))
     # Differences below this are the tolerance of the pictured runs, not the limit's error.
     if max(np.abs(values).max(initial=0.0) for values in seen) < 1e-6:
         axes.set_ylim(-1.0, 1.0)
@@ -230,9 +230,9 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
         for name in names:
             label = f"reduced, order {analysis.short_series.order}" if name == names[-1] else None
             axes.plot(reduced.t - start, reduced[name], color=INK, lw=0.9, ls=(0, (5, 2)), label=label)
-        bounded(axes, [reduced[name] for name in names], lines, headroom=0.1)
+        axes.set_ylim(limits([reduced[name] for name in names], lines, headroom=0.1))
     else:
-        bounded(axes, lines, [], headroom=0.1)
+        axes.set_ylim(limits(lines, [], headroom=0.1))
     if analysis.hyperbolicity.gap > 0.0:
         axes.axvline(layer, color=GREY, lw=0.8, ls=":", zorder=0)
         axes.annotate(

@@ -8,7 +8,8 @@ from matplotlib.collections import PatchCollection
 from matplotlib.patches import Rectangle
 
 from gsp.analysis.analysis import Analysis
-from gsp.charts.sampling import LINE, box_points, on_branch
+from gsp.charts.sampling import LINE
+from gsp.charts.spectrum import sampled_eigenvalues
 from gsp.charts.style import INK, PALE, SERIES, VERMILION, chart, colour_bar, legend, name_axes
 from gsp.errors import DeclarationError
 
@@ -54,13 +55,10 @@ def proof(analysis: Analysis, axes: Axes) -> None:
 
 
 def _heights(analysis: Analysis, axes: Axes, boxes: Boxes, gaps: np.ndarray, undecided: Boxes) -> None:
-    x = box_points(analysis, LINE)
-    y = on_branch(analysis, x)
-    good = np.isfinite(y).all(axis=1)
-    near = None if analysis.study.branch.is_explicit else y[good]
-    values = np.abs(np.real(analysis.hyperbolicity.eigenvalues(x[good], near=near))).min(axis=1)
-    axes.plot(x[good, 0], values, color=SERIES[0], label="sampled")
-    top = 1.1 * float(max(values.max(), gaps.max()))
+    x, eigenvalues = sampled_eigenvalues(analysis, LINE)
+    values = np.abs(np.real(eigenvalues)).min(axis=1)
+    axes.plot(x[:, 0], values, color=SERIES[0], label="sampled")
+    top = 1.1 * float(max(np.nanmax(values), gaps.max()))
     axes.set_ylim(0.0, top)
     label = f"proved in {len(boxes)} boxes"
     for ((low, high),), gap in zip(boxes, gaps):

@@ -66,11 +66,6 @@ def along(
     return run.t if is_time else run[name] if read is None else read(run, name)
 
 
-def covered(*runs: Trajectory) -> tuple[float, float]:
-    """The interval of time that all runs cover."""
-    return max(float(run.t[0]) for run in runs), min(float(run.t[-1]) for run in runs)
-
-
 def evaluate(
     outputs: Sequence[sp.Expr], flow: Flow, epsilon: float | None, points: np.ndarray, arguments=None
 ) -> np.ndarray:

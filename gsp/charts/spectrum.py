@@ -15,7 +15,7 @@ COARSE = 7
 
 def has_constant_eigenvalues(analysis: Analysis) -> bool:
     """Whether the fast eigenvalues are the same all over the region, so that there is nothing to draw over it."""
-    values = np.sort_complex(_sampled(analysis, COARSE)[1])
+    values = np.sort_complex(sampled_eigenvalues(analysis, COARSE)[1])
     values = values[np.isfinite(values).all(axis=1)]
     # Less is no variation at all.
     return bool(
@@ -41,7 +41,7 @@ def eigenvalues(analysis: Analysis, axes: Axes) -> None:
         _map(analysis, axes, slow)
 
 
-def _sampled(analysis: Analysis, n: int) -> tuple[np.ndarray, np.ndarray]:
+def sampled_eigenvalues(analysis: Analysis, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Grid points (m, n_slow) of the region and the eigenvalues (m, n_fast) there, nan where there is no point."""
     x = box_points(analysis, n)
     y = on_branch(analysis, x)
@@ -53,7 +53,7 @@ def _sampled(analysis: Analysis, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _line(analysis: Analysis, axes: Axes, name: str) -> None:
-    x, values = _sampled(analysis, LINE)
+    x, values = sampled_eigenvalues(analysis, LINE)
     real = np.sort(np.real(values), axis=1)
     for i in range(real.shape[1]):
         label = r"$\mathrm{Re}\,\lambda$" if real.shape[1] == 1 else rf"$\mathrm{{Re}}\,\lambda_{{{i + 1}}}$"
@@ -81,7 +81,7 @@ def _line(analysis: Analysis, axes: Axes, name: str) -> None:
 
 
 def _map(analysis: Analysis, axes: Axes, names: list[str]) -> None:
-    x, values = _sampled(analysis, GRID)
+    x, values = sampled_eigenvalues(analysis, GRID)
     real = np.real(values)
     finite = np.isfinite(real).all(axis=1)
     nearest = np.where(finite, np.argmin(np.where(np.isfinite(real), np.abs(real), np.inf), axis=1), 0)
@@ -110,7 +110,7 @@ def _ring(axes: Axes, points: list[tuple[float, ...]], label: str = "fails here"
 
 
 def _plane(analysis: Analysis, axes: Axes) -> None:
-    values = _sampled(analysis, COARSE)[1].ravel()
+    values = sampled_eigenvalues(analysis, COARSE)[1].ravel()
     values = values[np.isfinite(values)]
     real, imaginary = np.real(values), np.imag(values)
     gap = analysis.hyperbolicity.gap

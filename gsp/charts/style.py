@@ -256,11 +256,6 @@ def darts(axes: Axes, x: np.ndarray, y: np.ndarray, angles: np.ndarray, label: s
     axes.plot([], [], ls="", marker=MarkerStyle(outline), color=INK, mec="white", mew=0.5, ms=11, label=label)
 
 
-def bounded(axes: Axes, trusted: list[np.ndarray], others: list[np.ndarray], *, headroom: float = 0.05) -> None:
-    """Vertical limits that hold `trusted`, and `others` unless they leave it far behind, as a run may."""
-    axes.set_ylim(limits(trusted, others, headroom=headroom))
-
-
 def limits(
     trusted: list[np.ndarray], others: list[np.ndarray], *, headroom: float = 0.05
 ) -> tuple[float, float]:
