@@ -171,11 +171,8 @@ class _Reader:
             raise ModelFileError("near shows the body, and the story has none.", "Draw one under [body].")
         if found.get("rivals") and not self.has_claims:
             raise ModelFileError("rivals are shown, and the model has no [claims].", "Leave rivals out.")
-        marks = step.get("marks", [])
-        if not isinstance(marks, list) or not all(isinstance(mark, dict) for mark in marks):
-            raise ModelFileError(
-                "marks is a list of tables.", 'Write marks = [{ axis = "x", at = 1, name = "here" }].'
-            )
+        remedy = 'Write marks = [{ axis = "x", at = 1, name = "here" }].'
+        marks = _tables(step.get("marks", []), "marks", remedy)
         at_most(16, len(marks), "marks has", "entries", "Keep the ones that are spoken of.")
         found["marks"] = [self.mark(mark) for mark in marks]
         found["views"] = [self.name(n, PICTURES, "views", "picture") for n in _listed(step, "views")]
@@ -207,11 +204,8 @@ class _Reader:
     def body(self, body: dict) -> dict[str, Any]:
         """The body: its parts in its own frame, which is at `at` and turned by `angle`."""
         check_keys(body, BODY, "body.")
-        parts = body.get("parts")
-        if not isinstance(parts, list) or not all(isinstance(part, dict) for part in parts):
-            raise ModelFileError(
-                "body.parts is a list of tables.", "Write parts = [{ points = [[0, 0], [1, 0]] }]."
-            )
+        remedy = "Write parts = [{ points = [[0, 0], [1, 0]] }]."
+        parts = _tables(body.get("parts"), "body.parts", remedy)
         at = body.get("at", list(self.scene.path or ()))
         if not at:
             raise ModelFileError(
@@ -292,6 +286,12 @@ def _listed(document: Mapping[str, Any], key: str) -> list:
     if not isinstance(found, list):
         raise ModelFileError(f"{key} is a list of names.", f'Write {key} = ["x"].', got=f"a {kind(found)}")
     return found
+
+
+def _tables(value: object, key: str, remedy: str) -> list[dict]:
+    if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
+        raise ModelFileError(f"{key} is a list of tables.", remedy)
+    return value
 
 
 def _points(value: object, place: str) -> list:

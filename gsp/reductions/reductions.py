@@ -198,7 +198,7 @@ def find_reductions(
     plain = without_small(scene)
     if tolerance is not None:
         plain = replace(plain, tolerance=tolerance)
-    run, field = _run(plain), field_of(plain)
+    run, field = plain_run(plain), field_of(plain)
     scales = time_scales(plain)
     gaps = _gaps(scales)
     found: dict[Reduction, Study] = {}
@@ -241,7 +241,8 @@ def find_reductions(
     return Reductions(plain, scales, tuple(timed), recommended, nearest, special, reason, solved)
 
 
-def _run(scene: Scene) -> Trajectory:
+def plain_run(scene: Scene) -> Trajectory:
+    """The run of a scene without a small parameter with which candidates are compared."""
     atol = absolute_tolerance(RTOL, scene.region, scene.start)
     return trajectory_of(scene.system, start=scene.start, span=scene.span, epsilon=None, rtol=RTOL, atol=atol)
 

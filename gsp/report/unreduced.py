@@ -12,17 +12,13 @@ from gsp import charts
 from gsp.analysis.ramp_answers import drawn_ramp
 from gsp.demos.demo import Demo, demo
 from gsp.errors import DeclarationError
-from gsp.integration.trajectory import trajectory_of
-from gsp.reductions.measurement import RTOL
-from gsp.reductions.reductions import Reductions
+from gsp.reductions.reductions import Reductions, plain_run
 from gsp.report.captions import RAMP, TIME_SCALES
 from gsp.report.page import ShortReport, environment_of_pages, figures, panel_values, said_of
 from gsp.report.ramps import ramps, ramps_as_json
 from gsp.report.reductions import reductions_found
 from gsp.report.setting import Setting
 from gsp.results.attempts import Missing, attempt
-from gsp.scenes.scene import Scene
-from gsp.systems.tolerances import absolute_tolerance
 
 CAPTIONS = {
     "time_series": "Every state from the start, over the span.",
@@ -44,7 +40,7 @@ def unreduced_report(found: Reductions, progress: Callable[[float], object]) -> 
     if not isinstance(answered, Missing) and answered is not None:
         drawn["ramp"] = lambda: charts.critical_rate(answered)
     drawn |= {
-        "time_series": lambda: charts.trajectory(_run(scene)),
+        "time_series": lambda: charts.trajectory(plain_run(scene)),
         "time_scales": lambda: charts.time_scales(found.scales),
     }
     pictures: dict[str, bytes | Missing] = {}
@@ -63,12 +59,6 @@ def unreduced_report(found: Reductions, progress: Callable[[float], object]) -> 
     }
     panel = attempt("the panel", lambda: demo(scene))
     return ShortReport(_page(found, pictures, panel), content, pictures)
-
-
-def _run(scene: Scene):
-    """The run that candidates were compared with."""
-    atol = absolute_tolerance(RTOL, scene.region, scene.start)
-    return trajectory_of(scene.system, start=scene.start, span=scene.span, epsilon=None, rtol=RTOL, atol=atol)
 
 
 def _page(found: Reductions, pictures: Mapping[str, bytes | Missing], panel: Demo | Missing) -> str:

@@ -12,6 +12,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -231,7 +232,7 @@ class ProcessDied(Exception):
     """The process that computed a point ended before it had."""
 
 
-class Apart:
+class Apart(AbstractContextManager):
     """One executor at a time that `begin` makes, each replaced when a call has taken its process with it."""
 
     def __init__(self, begin: Callable[[], Executor]) -> None:
@@ -252,9 +253,6 @@ class Apart:
     def end(self) -> None:
         """End it, in the middle of its work after Ctrl-C."""
         _end(self._executor)
-
-    def __enter__(self) -> Apart:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.end()

@@ -16,7 +16,6 @@ A file is untrusted: it names verbs, never functions.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -42,7 +41,7 @@ def read_plan_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise ModelFileError.of(error, file.name) from None
 
 
-def _arguments(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def _arguments(document: dict, folder: Path) -> dict[str, Any]:
     for key in document:
         if key not in KEYS:
             raise ModelFileError.none_of(KEYS, key, f"{key} is no key of a plan.", "The keys are")
@@ -56,9 +55,7 @@ def _arguments(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     over = document.get("over")
     if not isinstance(over, dict) or not over:
         raise ModelFileError("[over] gives each axis its values.", got=shown(over), value=over)
-    options = document.get("options", {})
-    if not isinstance(options, dict):
-        raise ModelFileError("[options] is a table.", got=shown(options), value=options)
+    options = toml_values.table(document, "options")
     found: dict[str, Any] = {
         "task": task,
         "model": folder / model if (folder / model).is_file() else model,
@@ -85,9 +82,7 @@ def _values(values: Any, key: str) -> list[float]:
             got=shown(values),
             value=values,
         )
-    for name in values:
-        if name not in RANGE:
-            raise ModelFileError(f"{key} has the keys {', '.join(RANGE)}.", got=name, value=name, known=RANGE)
+    toml_values.check_keys(values, RANGE, f"{key}.")
     missing = [name for name in RANGE[:3] if name not in values]
     if missing:
         raise ModelFileError(f"{key} lacks {', '.join(missing)}.", "Write { from = 0, to = 1, count = 11 }.")

@@ -62,7 +62,7 @@ def test_a_model_file_stands_beside_its_plan(tmp_path: Path) -> None:
         ("count = 3,", "", "lacks count"),
         ("from = 1e-3", "from = -1", "positive ends"),
         ('spacing = "log"', 'spacing = "even"', '"linear" or "log"'),
-        ('spacing = "log"', "step = 1", "Got step"),
+        ('spacing = "log"', "step = 1", "over.epsilon.step is unknown"),
         (PLAN, 'task = "integrate"\nmodel = "linear"', r"\[over\] gives each axis"),
         (PLAN, "task = ", "not valid TOML"),
     ],
