@@ -178,7 +178,7 @@ def _key(result: FailureMap) -> list:
     astray = Line2D([], [], ls="", marker="x", color=INK, ms=4, label="Newton's method goes astray")
     handles = [
         *(
-            Patch(facecolor=_order_colour(n), label=f"reduced flow of order {n}")
+            Patch(facecolor=ORDER_COLOURS[min(n, len(ORDER_COLOURS) - 1)], label=f"reduced flow of order {n}")
             for n in result.orders
             if n in cells
         ),
@@ -190,7 +190,3 @@ def _key(result: FailureMap) -> list:
         *([astray] if _astray(result).any() else []),
     ]
     return handles
-
-
-def _order_colour(order: int) -> str:
-    return ORDER_COLOURS[min(order, len(ORDER_COLOURS) - 1)]

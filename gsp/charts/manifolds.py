@@ -44,11 +44,7 @@ from gsp.integration.trajectory import Trajectory
 LAYER = 20.0
 
 
-def _is_surface(analysis: Analysis) -> bool:
-    return shape(analysis) == (2, 1)
-
-
-@chart(height=3.7, solid=_is_surface)
+@chart(height=3.7, solid=lambda analysis: shape(analysis) == (2, 1))
 def manifold(analysis: Analysis, axes: Axes) -> None:
     """The slow manifold at the scene's epsilon, with runs that start off it and fall onto it.
 

@@ -58,15 +58,11 @@ def timed(trials: Sequence[Trial]) -> list[Candidate]:
             quickest = min((seconds for seconds in least if seconds > 0.0), default=0.0)
             repeated = [i for i, seconds in enumerate(least) if seconds <= DEAR * quickest]
         for i in repeated:
-            rounds[i].append(_round(trials[i]))
+            rounds[i].append([_seconds(run) for run in trials[i].runs])
     return [
         replace(trial.candidate, timings=_timings(trial, own)) if trial.runs else trial.candidate
         for trial, own in zip(trials, rounds)
     ]
-
-
-def _round(trial: Trial) -> list[float]:
-    return [_seconds(run) for run in trial.runs]
 
 
 def _timings(trial: Trial, rounds: Sequence[Sequence[float]]) -> tuple[float, ...]:

@@ -89,7 +89,7 @@ def judge(evidence: Evidence) -> Verdict:
         )
 
     if not reduced:
-        why = _sentence(f"it cannot be reduced here: {evidence.obstacle}")
+        why = f"it cannot be reduced here: {evidence.obstacle.removesuffix('.')}."
         return Verdict(Answer.NO, why, "" if full.valid else f"The full system {full.why_not}.")
     shown = serving_of(model, reduced)
     if shown is not None:
@@ -239,7 +239,3 @@ def _enough(candidate: Candidate, scene: Scene) -> float:
     if candidate.order is None or candidate.valid or not limit < candidate.predicted < np.inf:
         return 0.0
     return MARGIN * scene.epsilon * (limit / candidate.predicted) ** (1.0 / (candidate.order + 1))
-
-
-def _sentence(text: str) -> str:
-    return f"{text.removesuffix('.')}."

@@ -174,10 +174,10 @@ class _SbmlReader(Quantities):
                 self.new(f"{word}_rest"),
                 self.new(f"total_{word}"),
             )
-        for identifier, species in self.species.items():
+        for identifier in self.species:
             if identifier in self.standing or identifier in self.rated or identifier in self.assigned:
                 continue
-            if self.is_concentration(identifier) and self.varies(species.getCompartment()):
+            if self.is_amount_state(identifier):
                 self.standing[identifier] = self.new(f"{self.words[identifier]}_concentration")
         if any(reaction.getFast() for reaction in self.reactions.values()):
             self.result.small = self.new("epsilon")
@@ -237,9 +237,9 @@ class _SbmlReader(Quantities):
             text = self.stands(what) if isinstance(what, str) else self.written.text(what)
             pieces.append((Fraction(sign), f"({text})*{self.rate_word(reaction)}"))
         text = weighted_sum(pieces)
-        factor = self.conversion_factor(species)
+        factor = self.factor_of(species)
         if factor:
-            text = f"{factor}*({text})"
+            text = f"{self.stands(factor)}*({text})"
         word, size = self.state_word(identifier), species.getCompartment()
         if self.is_amount_state(identifier):
             self.assign(identifier, f"{word}/{self.stands(size)}")
@@ -280,10 +280,6 @@ class _SbmlReader(Quantities):
     def rate_word(self, reaction: str) -> str:
         word = self.words[reaction]
         return f"{word}/{self.result.small}" if self.reactions[reaction].getFast() else word
-
-    def conversion_factor(self, species: Any) -> str:
-        identifier = self.factor_of(species)
-        return self.stands(identifier) if identifier else ""
 
     def write_laws(self, laws: list[Law]) -> None:
         """One species of each law from the others: x = T + sum c x, where x are amounts over conversion factors."""

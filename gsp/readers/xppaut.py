@@ -191,7 +191,9 @@ def _take(file: _File, number: int, statement: Statement) -> None:
         case LineKind.RATE:
             file.states[name] = number, text
         case LineKind.FUNCTION | LineKind.QUANTITY | LineKind.CONSTANT:
-            _define(file, number, name, arguments, text)
+            if name in file.definitions:
+                fail(number, f"{name} is defined twice", "Keep one.")
+            file.definitions[name] = number, arguments, text
             file.derived |= {name} if kind is LineKind.CONSTANT else set()
         case LineKind.SET if found := _SET.fullmatch(text):
             file.sets[found[1]] = number, found[2]
@@ -209,12 +211,6 @@ def _plain(name: str, taken: Collection[str]) -> str:
     word = re.sub(r"[^a-z0-9_]", "_", name)[:60]
     word = word if re.match("[a-z]", word) else f"aux{'' if word[:1] == '_' else '_'}{word}"
     return fresh_name(word, {*taken}) if word in taken and word != name else word
-
-
-def _define(file: _File, number: int, name: str, arguments: tuple[str, ...], text: str) -> None:
-    if name in file.definitions:
-        fail(number, f"{name} is defined twice", "Keep one.")
-    file.definitions[name] = number, arguments, text
 
 
 def _assign(file: _File, table: dict[str, str], text: str, number: int, what: str) -> None:

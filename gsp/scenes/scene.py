@@ -19,6 +19,7 @@ from gsp.sliding.no_slip import Contacts
 from gsp.systems.arguments import (
     PLAIN_WORD,
     check_among,
+    check_each,
     check_noun,
     check_number,
     check_plain_word,
@@ -380,10 +381,12 @@ def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | Non
     if path is None:
         return None
     remedy = 'Give a pair such as ("x", "y").'
-    if isinstance(path, (str, bytes)) or not isinstance(path, Iterable):
-        raise DeclarationError("path is a pair of names.", remedy, got=shown(path), value=path)
-    names = [name.name if isinstance(name, sp.Symbol) else name for name in path]
-    if len(names) != 2 or names[0] == names[1]:
+
+    def plain(name: Any) -> Any:
+        return name.name if isinstance(name, sp.Symbol) else name
+
+    names = check_each(path, plain, what="path", be="a pair of names", remedy=remedy, length=2)
+    if names[0] == names[1]:
         raise DeclarationError("path is a pair of different names.", remedy, got=f"{names!r}", value=names)
     for name in names:
         fact = f'path names "{name}", which is no state, observable or reconstruction variable.'
