@@ -174,10 +174,11 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
     study = study_of(scene)
     found, obstacle = surroundings(study), not_followed(study)
     ends = switch_ends(study)
-    sides = [
-        {"kind": str(end.kind), "point": dict(end.point), "coefficients": dict(end.coefficients)}
-        for end in ends
-    ]
+
+    def plain(p: Any) -> dict[str, Any]:
+        return {"kind": str(p.kind), "point": dict(p.point), "coefficients": dict(p.coefficients)}
+
+    sides = list(map(plain, ends))
     if obstacle is not None and never_folds(study.branch):
         message = obstacle.fact
         if as_json:
@@ -199,14 +200,7 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
                 "name": scene.name,
                 "message": found.message,
                 "special": [
-                    {
-                        "kind": str(p.kind),
-                        "point": dict(p.point),
-                        "coefficients": dict(p.coefficients),
-                        "in_region": p.is_in(study.region),
-                    }
-                    for curve in curves
-                    for p in curve.special
+                    {**plain(p), "in_region": p.is_in(study.region)} for curve in curves for p in curve.special
                 ],
                 "folded_singularities": [point.as_dict() for point in folded],
                 "folded_reason": why_not,

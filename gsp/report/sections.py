@@ -18,7 +18,7 @@ from gsp.report.contacts import no_slip
 from gsp.report.ramps import ramps
 from gsp.report.reduction_limits import failures, reduction_limits
 from gsp.report.setting import Setting
-from gsp.report.three_scales import ThreeScales, three_scales
+from gsp.report.three_scales import three_scales
 from gsp.report.wording import fitted, listed, number, span, words
 from gsp.results.attempts import Missing, attempt
 from gsp.results.bounds import at_least
@@ -28,6 +28,10 @@ from gsp.systems.system import SlowFastSystem
 
 class Page(Setting):
     """The sections of one report, as values for the template."""
+
+    # Sections of the page that have modules of their own.
+    claims = claims_of
+    three_scales = three_scales
 
     def __init__(self, analysis: Analysis) -> None:
         self.analysis = analysis
@@ -73,9 +77,6 @@ class Page(Setting):
 
     def reduction_limits(self) -> dict[str, Any]:
         return reduction_limits(self.analysis, self.set)
-
-    def three_scales(self, three: ThreeScales) -> dict[str, Any]:
-        return three_scales(self, three)
 
     def by_power(self, rate: sp.Expr) -> sp.Expr | str:
         """A rate that is a polynomial in epsilon, sorted by its powers as the series are."""
@@ -400,9 +401,6 @@ class Page(Setting):
             "measured": found.measured,
             "tolerance": found.tolerance,
         }
-
-    def claims(self) -> list[dict[str, Any]]:
-        return claims_of(self)
 
     @staticmethod
     def _listed(words: list[str]) -> str:

@@ -190,7 +190,11 @@ def test_the_schema_takes_it(text: str) -> None:
         ('coordinates = ["x", "y", "phi"]', "", "mechanics.coordinates is missing"),
         ('coordinates = ["x", "y", "phi"]', 'coordinates = "x"', "mechanics.coordinates is a list of names"),
         ('coordinates = ["x", "y", "phi"]', 'coordinates = ["x", "y", "sin"]', "sin is a word of the grammar"),
-        ('coordinates = ["x", "y", "phi"]', 'coordinates = ["x", "y", "m"]', "m is declared under parameters too"),
+        (
+            'coordinates = ["x", "y", "phi"]',
+            'coordinates = ["x", "y", "m"]',
+            "m is declared under parameters too",
+        ),
         ('coordinates = ["x", "y", "phi"]', f"coordinates = {[f'q{k}' for k in range(20)]}", "12 are allowed"),
         ('constraints = ["slip"]', 'constraints = "slip"', "a list, or a table of slips"),
         ('constraints = ["slip"]', 'constraints = ["x"]', "constraint 1"),
