@@ -11,7 +11,6 @@ import sympy as sp
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, integrate
 from gsp.systems.system import VectorField
-from tests.cases import thinned
 from tests.integration.test_stiff_accuracy import PROBLEMS, y
 
 s = sp.Symbol("s")
@@ -27,7 +26,7 @@ RATES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8]
 SLOWEST = {Method.DOP853: 1e4}
 MILD = ["Davis and Skodje, 1e3", "line", "Kaps, 1e4", "spiral"]
 CASES = [(method, name) for method in Method for name in (MILD if method in SLOWEST else PROBLEMS)]
-TOLERANCES = [1e-3, 1e-6, 1e-9]
+TOLERANCES = np.geomspace(1e-2, 1e-11, 10).tolist()
 # In tolerances. DOP853's output is corrected to the lowest order of its error, which leaves more in a few steps.
 BOUND = {Method.RADAU9: 1.0, Method.RADAU13: 1.0, Method.DOP853: 3.0}
 # Places in each step.
@@ -64,24 +63,26 @@ def slaved(name: str, rate: float, off: float):
     return field, {"s": 0.0, "y": float(values(0.0)) + off}, exact
 
 
-def check(method: Method, field: VectorField, start, end: float, exact, tolerances, shares) -> None:
-    """Runs at `tolerances`, with `shares` of them as absolute ones, are as good between their steps as is promised."""
-    for rtol, share in product(tolerances, shares):
-        run = integrate(
-            field, start=start, span=(0, end), rtol=rtol, atol=share * rtol, method=method, max_steps=10**6
-        )
-        assert run.status.ok
-        assert errors_of(run, exact, rtol, share * rtol) < BOUND[method], (start, rtol, share)
+def check(method: Method, field: VectorField, start, end: float, exact, tolerances, atols=()) -> None:
+    """Runs at `tolerances`, with a thousandth or all of them or `atols` as absolute ones, are as good between their
+    steps as is promised."""
+    for rtol in tolerances:
+        for atol in (1e-3 * rtol, rtol, *atols):
+            run = integrate(
+                field, start=start, span=(0, end), rtol=rtol, atol=atol, method=method, max_steps=10**6
+            )
+            assert run.status.ok
+            assert errors_of(run, exact, rtol, atol) < BOUND[method], (start, rtol, atol)
 
 
-def check_forced(method: Method, name: str, rates, tolerances, shares) -> None:
+def check_forced(method: Method, name: str, rates, tolerances) -> None:
     for rate, off in product(rates, (0.0, 1.0)):
-        if rate <= SLOWEST.get(method, np.inf):
-            field, start, exact = slaved(name, rate, off)
-            check(method, field, start, 3.0, exact, tolerances, shares)
+        field, start, exact = slaved(name, rate, off)
+        # Absolute tolerances beside which y is large throughout, or small for a while, too.
+        check(method, field, start, 3.0, exact, tolerances, (1.0, 485.0))
 
 
-def check_problem(method: Method, name: str, tolerances, shares) -> None:
+def check_problem(method: Method, name: str, tolerances) -> None:
     problem = PROBLEMS[name]
     field = VectorField(problem.rates, epsilon=None)
     for start in problem.starts:
@@ -91,19 +92,7 @@ def check_problem(method: Method, name: str, tolerances, shares) -> None:
             return [found[state] for state in field.states]
 
         named = {symbol.name: value for symbol, value in start.items()}
-        check(method, field, named, problem.end, exact, tolerances, shares)
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize(("method", "name"), list(product(Method, FORCING)))
-def test_a_forced_variable_is_read_between_steps_to_the_tolerance(method: Method, name: str) -> None:
-    check_forced(method, name, (1e2, 1e3, 1e6), TOLERANCES, (1e-3,))
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize(("method", "name"), thinned(CASES, 3))
-def test_stiff_problems_are_read_between_steps_to_the_tolerance(method: Method, name: str) -> None:
-    check_problem(method, name, TOLERANCES, (1e-3,))
+        check(method, field, named, problem.end, exact, tolerances)
 
 
 @pytest.mark.parametrize("name", ["tanh", "root"])
@@ -112,17 +101,26 @@ def test_poles_beside_the_path_at_which_a_term_of_a_step_vanishes_are_foreseen(
     method: Method, name: str
 ) -> None:
     # Two terms of the collocation polynomial that were small by chance foretold too little: up to 16 tolerances.
-    check_problem(method, name, np.geomspace(1e-7, 1e-11, 13).tolist(), (1e-3, 1.0))
+    check_problem(method, name, np.geomspace(1e-7, 1e-11, 13).tolist())
 
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(("method", "name"), list(product(Method, FORCING)))
 def test_a_forced_variable_is_read_to_any_tolerance_at_any_rate(method: Method, name: str) -> None:
-    tolerances = TOLERANCES if method in SLOWEST else np.geomspace(1e-2, 1e-11, 10).tolist()
-    check_forced(method, name, RATES, tolerances, (1e-3, 1.0))
+    rates = [rate for rate in RATES if rate <= SLOWEST.get(method, np.inf)]
+    check_forced(method, name, rates, TOLERANCES[1::3] if method in SLOWEST else TOLERANCES)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-8])
+@pytest.mark.parametrize("name", ["grows", "decays", "turns"])
+def test_what_is_read_between_steps_at_the_edge_of_stability_is_as_good_as_the_steps(
+    name: str, rtol: float
+) -> None:
+    # What the output's error is found to be in lowest order says little there: up to 880 tolerances were left.
+    check_forced(Method.DOP853, name, (10, 100, 1000), [rtol])
 
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(("method", "name"), CASES)
 def test_stiff_problems_are_read_to_any_tolerance(method: Method, name: str) -> None:
-    check_problem(method, name, np.geomspace(1e-2, 1e-11, 10).tolist(), (1e-3, 1.0))
+    check_problem(method, name, TOLERANCES)

@@ -14,7 +14,7 @@ from gsp.integration.events import CompiledEvents, Event
 from gsp.integration.pieces import MOST_SUBDIVISIONS, RunPiece
 from gsp.integration.trajectory import Method, integrate
 from gsp.systems.system import SlowFastSystem, VectorField
-from tests.cases import itertools, thinned
+from tests.cases import itertools
 from tests.rescaling import scene, scenes
 
 x, y, t, k, epsilon, energy = sp.symbols("x y t k epsilon E")
@@ -264,15 +264,14 @@ def test_events_on_a_reduced_flow_know_the_parameters_and_the_slow_variables():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Event(3), "an event is a SymPy expression"),
         (lambda: Event("x", direction=2), "direction is 1 for rising"),
         (lambda: Event("x", terminal=-1), "terminal is True, False"),
-        (lambda: Event("x", terminal=0.5), "terminal is True, False"),
-        (lambda: Event("x", name=3), "name is text"),
         (lambda: oscillate(Event("z")), 'event "z" is no state and no observable'),
         (lambda: oscillate(Event(x - k)), "contains k, which is no state"),
         (lambda: oscillate("x"), "events is a sequence of Event"),
         (lambda: oscillate([x]), "events is a sequence of Event"),
+        # An array without axes.
+        (lambda: oscillate(np.ma.masked), "events is a sequence of Event"),
         (lambda: oscillate([Event("x"), Event("x", direction=1)]), 'two events are called "x"'),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -338,12 +337,6 @@ def test_every_event_of_the_instant_that_ends_a_run_is_recorded(method, last, un
         assert np.array_equal(run.events[name].states[:, 0], run.y[:, -1])
     for name in ("wrong way", "never", "just behind"):
         assert run.events[name].times.size == 0
-
-
-def test_events_that_are_an_array_without_axes_are_refused():
-    scene = gsp.models.load("linear")
-    with pytest.raises(DeclarationError, match="events is a sequence of Event"):
-        integrate(scene.system, start=scene.start, span=(0, 1), epsilon=0.1, events=np.ma.masked)
 
 
 @METHODS
@@ -414,19 +407,17 @@ def test_events_of_one_instant_are_one_instant_in_every_system(name, backward):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("method", "rtol"),
-    thinned(itertools.product(["radau9", "radau13", "dop853", None], [1e-3, 1e-6, 1e-9]), 4),
-)
+@pytest.mark.parametrize("method", ["radau9", "radau13", "dop853", None])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
 def test_crossings_that_lie_close_within_a_step_are_all_found(method, rtol) -> None:
-    """x = t, in steps as long as the run: a triple of crossings, and those of an oscillation that no step knows of."""
+    """x = t, in steps as long as the run: a triple of crossings, and oscillations that no step knows of."""
     field = VectorField({x: sp.Integer(1)}, epsilon=None)
     apart = sp.Rational(1, 10)
     events = (
         Event((x - 1) * (x - 1 - apart) * (x - 1 - 2 * apart), name="three"),
         Event(sp.sin(5 * x), name="sine"),
     )
-    fast = tuple(Event(sp.sin(rate * x), name=str(rate)) for rate in (50, 123, 400))
+    fast = tuple(Event(sp.sin(rate * x), name=str(rate)) for rate in (50, 123, 400, 1000))
     run = integrate(field, start={"x": 0.1}, span=(0, 9.4), method=method, rtol=rtol, events=events + fast)
     found = [sorted(run.events[event.name].times) for event in events]
     assert np.allclose(found[0], [0.9, 1.0, 1.1], atol=1e-9)
@@ -436,17 +427,6 @@ def test_crossings_that_lie_close_within_a_step_are_all_found(method, rtol) -> N
         zeros = np.pi / rate * np.arange(1, 4 * rate) - 0.1
         expected = zeros[(zeros > 0.0) & (zeros < 9.4)]
         assert np.allclose(sorted(run.events[event.name].times), expected, atol=1e-9)
-
-
-@pytest.mark.exhaustive
-def test_thousands_of_crossings_in_one_step_are_all_found() -> None:
-    # The last of four steps has 2572 of them; four were found there.
-    field = VectorField({x: sp.Integer(1)}, epsilon=None)
-    event = Event(sp.sin(1000 * x), name="fast")
-    run = integrate(field, start={"x": 0.1}, span=(0, 9.4), method="radau9", rtol=1e-2, events=event)
-    zeros = np.pi / 1000 * np.arange(1, 4000) - 0.1
-    assert run.stats.steps < 10
-    assert np.allclose(sorted(run.events["fast"].times), zeros[(zeros > 0.0) & (zeros < 9.4)], atol=1e-9)
 
 
 @pytest.mark.parametrize("length", [1.0, 2 * np.pi / 5, 8.0, 16 * np.pi / 5])

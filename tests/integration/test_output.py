@@ -198,55 +198,6 @@ def test_which_values_of_an_explicit_run_are_corrected_does_not_depend_on_the_ot
     assert many.member(0).stats == run.stats
 
 
-def _slaved(name: str, rate: float):
-    """y' = -rate (y - phi(s)) + phi'(s) on the clock s: the field, its start, the end of its span, and phi."""
-    s = sp.Symbol("s")
-    phi, end = {
-        "grows": (sp.exp(5 * s), 3.0),
-        "decays": (sp.exp(-2 * s), 10.0),
-        "turns": (sp.sin(2 * s), 10.0),
-    }[name]
-    field = VectorField({s: sp.S.One, y: -sp.Integer(int(rate)) * (y - phi) + phi.diff(s)}, epsilon=None)
-    return field, {"s": 0.0, "y": float(phi.subs(s, 0))}, end, sp.lambdify(s, phi)
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-8])
-@pytest.mark.parametrize("name", ["grows", "decays", "turns"])
-@pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
-def test_what_is_read_between_the_steps_is_as_good_as_the_tolerance(method, name, rtol):
-    for rate in (1e2, 1e4, 1e6, 1e8):
-        field, start, end, phi = _slaved(name, rate)
-        times = np.linspace(0, end, 301)
-        # Absolute tolerances beside which y is large throughout, or small for a while.
-        for atol in (1e-3 * rtol, rtol, 1.0, 485.0):
-            run = integrate(field, start=start, span=(0, end), rtol=rtol, atol=atol, method=method)
-            spent, exact = run.stats, phi(times)
-            found = run.at(times[::-1])[1, ::-1]
-            assert np.max(np.abs(found - exact) / (atol + rtol * np.abs(exact))) < 2.0, (rate, atol)
-            named = integrate(field, start=start, span=(0, end), rtol=rtol, atol=atol, method=method, at=times)
-            assert np.array_equal(named.y[1], found)
-            assert run.stats == spent
-
-
-@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-8])
-@pytest.mark.parametrize("name", ["grows", "decays", "turns"])
-def test_what_is_read_between_steps_at_the_edge_of_stability_is_as_good_as_the_steps(name, rtol):
-    # What the output's error is found to be in lowest order says little there: up to 880 tolerances were left.
-    for rate in (10, 100, 1000):
-        field, start, end, phi = _slaved(name, rate)
-        times = np.linspace(0, end, 301)
-        for atol in (rtol, 1.0, 485.0):
-            run = integrate(
-                field, start=start, span=(0, end), rtol=rtol, atol=atol, method=Method.DOP853, max_steps=10**6
-            )
-            between, steps = (
-                np.max(np.abs(y - phi(t)) / (atol + rtol * np.abs(phi(t))))
-                for t, y in ((times, run.at(times)[1]), (run.t, run.y[1]))
-            )
-            assert between < max(2.0, 1.5 * steps), (rate, atol)
-
-
 @pytest.mark.parametrize("method", [Method.RADAU9, Method.DOP853])
 def test_values_between_the_steps_of_a_backward_run_are_checked_too(method):
     oscillator = VectorField({x: y, y: -x}, epsilon=None)

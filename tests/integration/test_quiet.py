@@ -35,15 +35,11 @@ QUIET = (
 def test_a_run_away_from_every_loss_is_that_of_the_long_way_and_never_goes_it(name, order, monkeypatch):
     found = study(load(name))
     flow = found.reduced(order)
-    options = {
-        "start": dict(found.start),
-        "span": found.scene.span,
-        "epsilon": found.scene.epsilon,
-        "rtol": 1e-9,
-    }
+    scene = found.scene
+    options = {"start": dict(found.start), "span": scene.span, "epsilon": scene.epsilon, "rtol": 1e-9}
     # What asks for progress is watched step by step.
     long = integrate(flow, progress=lambda done: None, **options)
-    times = np.linspace(*found.scene.span, 17)[1:-1]
+    times = np.linspace(*scene.span, 17)[1:-1]
     on_grid = integrate(flow, progress=lambda done: None, at=times, **options)
     looked = []
     ending = module.ending_of
@@ -83,24 +79,14 @@ def test_a_run_into_a_fold_and_a_start_on_it_end_as_they_do_the_long_way():
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("name", "draws"),
-    [
-        ("van_der_pol", 20),
-        ("koper", 10),
-        *(
-            pytest.param(each, 60, marks=pytest.mark.exhaustive)
-            for each in ("van_der_pol", "koper", "fitzhugh_nagumo")
-        ),
-    ],
-)
-def test_one_point_of_a_sheet_is_what_following_it_gives(name, draws):
+@pytest.mark.parametrize("name", ["van_der_pol", "koper", "fitzhugh_nagumo"])
+def test_one_point_of_a_sheet_is_what_following_it_gives(name):
     branch = study(load(name)).branch
     assert branch.seed is not None
     rng = np.random.default_rng(0)
     near = np.array(branch.seed[0])
     reached = 0
-    for _ in range(draws):
+    for _ in range(60):
         x = near + rng.normal(size=near.size)
         y, good = branch.follow(x[np.newaxis])
         if good[0]:
@@ -109,7 +95,7 @@ def test_one_point_of_a_sheet_is_what_following_it_gives(name, draws):
         else:
             with pytest.raises(BranchError, match="ends at"):
                 branch.over(x)
-    assert reached > draws / 4
+    assert reached > 15
 
 
 def test_a_step_that_may_lead_to_another_sheet_is_not_trusted():
