@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import pytest
 
 import gsp
 from gsp.proofs import intervals
+from gsp.proofs.programs import Rejected
 from tests.cases import sampled
 
 # Built-in scenes that are proved, and whose proofs are checked.
@@ -33,6 +34,25 @@ def written(found: Saved, path: Path) -> dict:
     """The content of the file that `found` saves."""
     found.save(path)
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def holds(check: Callable[[Any], object], proof: Any) -> bool:
+    """Whether a checker accepts a proof."""
+    try:
+        check(proof)
+    except Rejected:
+        return False
+    return True
+
+
+def row(*values: float) -> list[str]:
+    """Numbers as they stand in a proof file."""
+    return [float(value).hex() for value in values]
+
+
+def in_pairs(turn: Callable[[list], list]) -> Callable[[list], list]:
+    """A change of a row of coordinates as a list of pairs."""
+    return lambda given: [v for pair in turn(list(zip(given[::2], given[1::2]))) for v in pair]
 
 
 def number(text: str, change: Callable[[float], float]) -> str:

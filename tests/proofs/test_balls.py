@@ -14,8 +14,7 @@ from flint import arb
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 
-CASES = 300
-WHOLE = 10_000
+HOW_OFTEN = pytest.mark.parametrize("cases", [300, pytest.param(10_000, marks=pytest.mark.exhaustive)])
 ELEMENTARY = ("exp", "log", "sin", "cos", "tanh", "sinh", "cosh", "sech", "atan", "sqrt")
 
 
@@ -44,7 +43,8 @@ def holds(ball: arb, value: Fraction) -> bool:
     return ball.is_finite() and abs(value - exactly(ball.mid())) <= exactly(ball.rad())
 
 
-def rational_operations_hold(cases: int) -> None:
+@HOW_OFTEN
+def test_products_quotients_and_powers_hold_the_exact_value(cases: int) -> None:
     draw = random.Random(1)
     for _ in range(cases):
         one, two = interval(draw), interval(draw)
@@ -61,7 +61,8 @@ def rational_operations_hold(cases: int) -> None:
             assert holds(balls.power(x, -3), a**-3), one
 
 
-def elementary_functions_hold(cases: int) -> None:
+@HOW_OFTEN
+def test_elementary_functions_hold_the_exact_value(cases: int) -> None:
     draw = random.Random(2)
     with mpmath.workprec(400):
         for _ in range(cases):
@@ -77,7 +78,8 @@ def elementary_functions_hold(cases: int) -> None:
                 assert holds(wide, known), (name, low, high, a)
 
 
-def root_powers_hold(cases: int) -> None:
+@HOW_OFTEN
+def test_powers_of_fractions_hold_the_exact_value(cases: int) -> None:
     draw = random.Random(8)
     for _ in range(cases):
         # The power of a fraction is checked by whole powers: a = r^q, and r^p is to be held.
@@ -93,7 +95,8 @@ def root_powers_hold(cases: int) -> None:
         assert holds(balls.hull(low, high), r)
 
 
-def roundings_hold(cases: int) -> None:
+@HOW_OFTEN
+def test_bounds_in_doubles_are_on_the_right_side(cases: int) -> None:
     """The least double that is not below, of ends that no double is: at the precision of proofs."""
     draw, between = random.Random(3), 0
     with flint.ctx.workprec(balls.PRECISION):
@@ -108,22 +111,6 @@ def roundings_hold(cases: int) -> None:
                 assert math.nextafter(found, -math.inf) < bound <= found
                 between += bound != found
         assert between > cases
-
-
-def test_products_quotients_and_powers_hold_the_exact_value() -> None:
-    rational_operations_hold(CASES)
-
-
-def test_elementary_functions_hold_the_exact_value() -> None:
-    elementary_functions_hold(CASES)
-
-
-def test_powers_of_fractions_hold_the_exact_value() -> None:
-    root_powers_hold(CASES)
-
-
-def test_bounds_in_doubles_are_on_the_right_side() -> None:
-    roundings_hold(CASES)
 
 
 def test_roots_of_any_order_hold_the_exact_value() -> None:
@@ -149,13 +136,6 @@ def test_waves_stay_within_one() -> None:
             assert not found > 1
             assert float(found.abs_upper()) <= 1.0 + 1e-8
     assert balls.sin(balls.hull(1.0, 1.7)).overlaps(arb(1))
-
-
-@pytest.mark.exhaustive
-def test_every_operation_holds_the_exact_value_in_ten_thousand_cases() -> None:
-    rational_operations_hold(WHOLE)
-    elementary_functions_hold(WHOLE)
-    root_powers_hold(WHOLE)
 
 
 @pytest.mark.parametrize("function", [balls.log, balls.sqrt, lambda ball: balls.root_power(ball, -2, 3)])

@@ -7,7 +7,6 @@ import pytest
 import sympy as sp
 
 from gsp import SlowFastSystem, bound_reduction, certify, expand, solve_critical
-from gsp.errors import DeclarationError
 from gsp.proofs.sides import written
 from gsp.proofs.verification import verify
 
@@ -76,9 +75,3 @@ def test_the_error_of_a_reduction_is_printed_rounded_up() -> None:
     assert printed("reduced. <=", str(found).replace("|", ".")) >= Fraction(found.bound)
     assert printed("variables, <=", str(found)) >= Fraction(found.slow[-1])
     assert Fraction(re.findall(r", ([-+.e0-9]+)\)", repr(found))[-1]) >= Fraction(found.bound)
-
-
-def test_progress_of_a_tube_that_is_no_function_is_refused() -> None:
-    series = expand(branch(-y + x), order=1)
-    with pytest.raises(DeclarationError, match="progress"):
-        certify(series, region={"x": (0, 1)}, progress=5)  # pyright: ignore

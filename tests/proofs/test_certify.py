@@ -10,14 +10,13 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.errors import BranchError, DeclarationError, GspError, UnsupportedFunctionError
+from gsp.errors import BranchError, GspError, UnsupportedFunctionError
 from gsp.proofs import certification as module
 from gsp.proofs import refutation
 from gsp.proofs.verdict import ProofVerdict
 from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
 from tests.cases import thinned
-from tests.proof_files import SCENES
 
 x, y, z, w, c, eps = sp.symbols("x y z w c epsilon")
 PROVED, REFUTED, UNDECIDED = ProofVerdict.PROVED, ProofVerdict.REFUTED, ProofVerdict.UNDECIDED
@@ -87,19 +86,6 @@ def test_each_box_has_its_own_gap_and_the_least_is_that_of_all() -> None:
         assert 1.0 < gap <= 1 + low**2
     assert max(found.gaps) > 4 * min(found.gaps)
     assert min(found.gaps) == found.gap
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("name", SCENES)
-def test_every_built_in_scene_is_proved(name: str) -> None:
-    from gsp.scenes.study import study_of
-
-    scene = gsp.models.load(name)
-    study = study_of(scene)
-    found = certify(study.branch, region=study.region, epsilon=scene.epsilon)
-    assert found.verdict is PROVED, found.reason
-    assert found.rate_ratio >= 1.0
-    assert found.tried < 50
 
 
 def test_a_loss_between_all_samples_is_refuted() -> None:
@@ -187,11 +173,12 @@ def systems():
     }
 
 
-def agree_with_closed_forms(cases: int, *, seed: int) -> dict[str, int]:
-    draw = random.Random(seed)
+@pytest.mark.exhaustive
+def test_thousands_of_random_boxes_agree_with_closed_forms() -> None:
+    draw = random.Random(7)
     counts = dict.fromkeys(("proved", "refuted", "undecided"), 0)
     every = list(systems().items())
-    for i in range(cases):
+    for i in range(2_000):
         name, (found_branch, (first, last), truth) = every[i % len(every)]
         centre = draw.uniform(first, last)
         width = (last - first) * 10.0 ** draw.uniform(-6, 0)
@@ -208,20 +195,9 @@ def agree_with_closed_forms(cases: int, *, seed: int) -> dict[str, int]:
         counts[found.verdict.value] += 1
         if known is not None:
             assert found.verdict is not (REFUTED if known else PROVED), (name, low, high)
-    return counts
-
-
-@pytest.mark.exhaustive
-def test_random_boxes_agree_with_closed_forms() -> None:
-    counts = agree_with_closed_forms(120, seed=6)
-    assert counts["proved"] > 40
-    assert counts["refuted"] > 5
-    assert counts["undecided"] < 12
-
-
-@pytest.mark.exhaustive
-def test_thousands_of_random_boxes_agree_with_closed_forms() -> None:
-    agree_with_closed_forms(2_000, seed=7)
+    assert counts["proved"] > 1700
+    assert counts["refuted"] > 200
+    assert counts["undecided"] < 20
 
 
 # -- what is proved about what -------------------------------------------------
@@ -290,7 +266,7 @@ def test_a_pole_at_which_the_eigenvalue_changes_its_sign_is_no_change_of_type() 
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("rate", thinned([sp.log(x), sp.sqrt(x), 1 / x], 2))
+@pytest.mark.parametrize("rate", [sp.log(x), sp.sqrt(x), 1 / x])
 def test_poles_and_branch_points_are_named_with_where(rate: sp.Expr) -> None:
     found = certify(branch({y: -(2 + sp.sin(rate)) * y}), region={"x": (0, 1)})
     assert found.verdict is UNDECIDED
@@ -385,28 +361,6 @@ def test_ctrl_c_returns_what_is_proved_by_then(stage: str, monkeypatch: pytest.M
     assert found.verdict is UNDECIDED
     assert "interrupted" in found.reason
     assert found.boxes
-
-
-@pytest.mark.parametrize(
-    ("region", "words"),
-    [
-        ({"x": (1, 0)}, "reversed"),
-        ({"x": (0, math.inf)}, "finite"),
-        ({"x": (0, math.nan)}, "finite"),
-        ({"x": (1, 1)}, "empty"),
-        ({}, "no state"),
-        ({"q": (0, 1)}, "q"),
-    ],
-)
-def test_regions_that_are_none_are_refused(region: dict, words: str) -> None:
-    with pytest.raises(DeclarationError, match=words):
-        certify(van_der_pol(), region=region)
-
-
-@pytest.mark.parametrize("most_boxes", [0, -1, 1.5, True])
-def test_budgets_that_are_none_are_refused(most_boxes: object) -> None:
-    with pytest.raises(DeclarationError, match="most_boxes"):
-        certify(van_der_pol(), region={"x": (0, 1)}, most_boxes=most_boxes)  # type: ignore[arg-type]
 
 
 def test_functions_without_an_enclosure_are_refused_by_name() -> None:

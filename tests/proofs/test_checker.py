@@ -1,17 +1,17 @@
 """The checker of normal hyperbolicity on a proof written by hand: y = 0 and v = 0 over x in [0, 1]."""
 
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gsp.proofs import checker
-from gsp.proofs.programs import Rejected
+from tests import proof_files
+from tests.proof_files import row
 
-
-def row(*values: float) -> list[str]:
-    return [value.hex() for value in values]
+holds = partial(proof_files.holds, checker.checked)
 
 
 def tube(middle: float, radius: float = 0.5) -> dict:
@@ -41,14 +41,6 @@ def proof() -> dict:
         "through": row(0.25, 0.0, 0.0),
         "tree": [{"axis": 0, "at": (0.5).hex(), "glue": tube(0.5, 0.125)}, leaf(0.0, 0.5), leaf(0.5, 1.0)],
     }
-
-
-def holds(plain: dict) -> bool:
-    try:
-        checker.checked(plain)
-    except Rejected:
-        return False
-    return True
 
 
 def test_what_is_written_holds() -> None:

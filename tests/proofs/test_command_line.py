@@ -1,7 +1,6 @@
 """`gsp check --prove` and `gsp verify`: their exit statuses, as text and as JSON."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -58,15 +57,6 @@ def test_bad_input_has_status_2(arguments, words, monkeypatch, capsys) -> None:
         main()
     assert caught.value.code == 2
     assert words in capsys.readouterr().err
-
-
-def test_what_is_no_regular_file_is_not_opened(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    for path in ("/dev/zero", str(pipe)):
-        refused = run("verify", path)
-        assert refused.exit_code == 1
-        assert "no regular file" in refused.output
 
 
 @pytest.mark.parametrize("name", ["x\nthe proof holds", "x\r\x1b[2Kthe proof holds", "y", "\u202ex"])

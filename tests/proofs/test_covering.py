@@ -7,7 +7,6 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.proofs.covering import Covering
 from gsp.proofs.verdict import ProofVerdict
 from gsp.proofs.verification import verify
 
@@ -23,28 +22,39 @@ def branch(system: gsp.SlowFastSystem, **through: float):
     return gsp.solve_critical(system).branches[0].through(through)
 
 
+def certified(**given: float) -> gsp.Certificate:
+    return gsp.certify(branch(WIDE, x=1.0, y=1.0), region={"x": (0, 2)}, **given)
+
+
+@pytest.fixture(scope="module")
+def alone() -> gsp.Certificate:
+    return certified()
+
+
 @pytest.mark.exhaustive
-def test_boxes_are_cut_until_the_normal_rate_is_proved_to_dominate(tmp_path) -> None:
-    sheet = branch(WIDE, x=1.0, y=1.0)
-    alone = gsp.certify(sheet, region={"x": (0, 2)})
+def test_boxes_are_cut_until_the_normal_rate_is_proved_to_dominate(alone, tmp_path) -> None:
     # The rate along the slow flow is 1; the epsilon at which r is 1 for the true gap is 1/10.
     epsilon = 0.09
     assert alone.verdict is ProofVerdict.PROVED
     assert alone.gap < epsilon
-    found = gsp.certify(sheet, region={"x": (0, 2)}, epsilon=epsilon)
+    found = certified(epsilon=epsilon)
     assert found.verdict is ProofVerdict.PROVED
     assert epsilon <= found.gap <= 0.1
     assert 1 <= found.rate_ratio <= 1 / 0.9
     assert len(found.gaps) == len(found.boxes) > len(alone.boxes)
     assert found.tried < 60
+    # The parts that are left cover the box.
+    sides = sorted(box[0] for box in found.boxes)
+    assert [sides[0][0], sides[-1][1]] == [0, 2]
+    assert np.array_equal([high for _, high in sides[:-1]], [low for low, _ in sides[1:]])
+    assert not found._covering.undecided
     found.save(tmp_path / "proof.json")
     assert verify(tmp_path / "proof.json").gap == pytest.approx(found.gap, rel=1e-9)
 
 
 @pytest.mark.exhaustive
-def test_where_the_gap_itself_is_too_small_nothing_is_cut() -> None:
-    sheet = branch(WIDE, x=1.0, y=1.0)
-    alone, found = (gsp.certify(sheet, region={"x": (0, 2)}, **given) for given in ({}, {"epsilon": 2.0}))
+def test_where_the_gap_itself_is_too_small_nothing_is_cut(alone) -> None:
+    found = certified(epsilon=2.0)
     assert found.verdict is ProofVerdict.UNDECIDED
     assert "only r >= 0.0" in found.reason
     # The part with the least gap is halved until its middle says so.
@@ -52,23 +62,11 @@ def test_where_the_gap_itself_is_too_small_nothing_is_cut() -> None:
 
 
 @pytest.mark.exhaustive
-def test_the_budget_bounds_the_cuts() -> None:
-    sheet = branch(WIDE, x=1.0, y=1.0)
-    alone = gsp.certify(sheet, region={"x": (0, 2)})
-    found = gsp.certify(sheet, region={"x": (0, 2)}, epsilon=0.0999999, most_boxes=alone.tried + 3)
+def test_the_budget_bounds_the_cuts(alone) -> None:
+    found = certified(epsilon=0.0999999, most_boxes=alone.tried + 3)
     assert found.tried <= alone.tried + 3
     assert found.verdict is ProofVerdict.UNDECIDED
     assert alone.gap < found.gap < 0.0999999
-
-
-@pytest.mark.exhaustive
-def test_the_parts_that_are_left_cover_the_box() -> None:
-    found = gsp.certify(branch(WIDE, x=1.0, y=1.0), region={"x": (0, 2)}, epsilon=0.09)
-    covering: Covering = found._covering
-    sides = sorted(box[0] for box in found.boxes)
-    assert [sides[0][0], sides[-1][1]] == [0, 2]
-    assert np.array_equal([high for _, high in sides[:-1]], [low for low, _ in sides[1:]])
-    assert not covering.undecided
 
 
 @pytest.mark.parametrize("steep", [1, 4, 16])

@@ -12,25 +12,17 @@ import gsp
 from gsp.cli import cli
 from gsp.errors import GspError
 from gsp.proofs import band_checker, cycle_checker
-from gsp.proofs.programs import Rejected, TooLong
+from gsp.proofs.programs import TooLong
 from gsp.proofs.verification import verify
 from tests.cases import sampled
 from tests.cycles.systems import R, fitzhugh_nagumo, lengyel_epstein, orbit_of, van_der_pol
-from tests.proof_files import Change, changed, number, written
+from tests.proof_files import Change, changed, holds, in_pairs, number, written
 
 
 @pytest.fixture(scope="module")
 def proof(tmp_path_factory: pytest.TempPathFactory) -> dict:
     found = gsp.certify(orbit_of(van_der_pol(), 2, 0.6), epsilon=0.05)
     return written(found, tmp_path_factory.mktemp("cycle") / "p.json")
-
-
-def refused(proof: dict) -> bool:
-    try:
-        cycle_checker.check(proof)
-    except Rejected:
-        return True
-    return False
 
 
 def at_annulus(key: str, value: object) -> Change:
@@ -42,14 +34,7 @@ def coordinate(key: str, place: int, by: float) -> Change:
 
 
 def vertices(key: str, turn: Callable[[list], list]) -> Change:
-    """Change a polygon as a list of pairs."""
-
-    def mutate(proof: dict) -> None:
-        row = proof["annuli"][0][key]
-        pairs = turn(list(zip(row[::2], row[1::2])))
-        proof["annuli"][0][key] = [v for pair in pairs for v in pair]
-
-    return mutate
+    return at_annulus(key, in_pairs(turn))
 
 
 def scaled(key: str, by: float) -> Change:
@@ -61,38 +46,14 @@ def shifted(key: str, by: float) -> Change:
     return vertices(key, lambda pairs: [(u, number(v, lambda y: y + by)) for u, v in pairs])
 
 
-def exchanged(proof: dict) -> None:
-    one = proof["annuli"][0]
-    one["outer"], one["inner"] = one["inner"], one["outer"]
-    one["cuts"] = [cut[::-1] for cut in one["cuts"]]
-
-
-# What each breaks: simple and distinct vertices, the turn, the nesting, the cuts, the edges of P, those of Q, epsilon,
-# the sectors, the bound of the divergence, those of the period, and what is no such file.
+# What each breaks: the polygons and cuts, each condition of which has cases by hand in test_cycle_conditions, the edges
+# of P, those of Q, epsilon, the sectors, the bound of the divergence, those of the period, and what is no such file.
 CHANGES: dict[str, Change] = {
     "P crosses itself": vertices("outer", lambda p: [p[1], p[0], *p[2:]]),
-    "Q crosses itself": vertices("inner", lambda p: [p[1], p[0], *p[2:]]),
-    "P crosses itself elsewhere": vertices("outer", lambda p: [*p[:-2], p[-1], p[-2]]),
-    "a vertex of P twice": vertices("outer", lambda p: [*p, p[-1]]),
-    "a vertex of Q twice": vertices("inner", lambda p: [*p, p[-1]]),
-    "P turns back": vertices("outer", lambda p: [*p[:3], p[1], *p[3:]]),
     "P clockwise": vertices("outer", lambda p: p[::-1]),
-    "Q clockwise": vertices("inner", lambda p: p[::-1]),
-    "P and Q exchanged": exchanged,
-    "Q beside P": shifted("inner", 10.0),
-    "P beside Q": shifted("outer", 10.0),
     "Q about P": scaled("inner", 3.0),
-    "P within Q": scaled("outer", 0.1),
-    "P of two vertices": vertices("outer", lambda p: p[:2]),
     "no cuts": at_annulus("cuts", []),
-    "two cuts fewer": at_annulus("cuts", lambda cuts: cuts[:2]),
-    "three cuts": at_annulus("cuts", lambda cuts: cuts[:3]),
     "cuts the other way": at_annulus("cuts", lambda cuts: cuts[::-1]),
-    "cuts out of turn": at_annulus("cuts", lambda cuts: [*cuts[1:], cuts[0]]),
-    "a cut askew": changed(["annuli", 0, "cuts", 0, 1], lambda place: place + 1),
-    "a cut elsewhere": changed(["annuli", 0, "cuts", 2, 0], lambda place: place - 1),
-    "a cut twice": at_annulus("cuts", lambda cuts: [cuts[0], cuts[0], *cuts[2:]]),
-    "a cut to no vertex": changed(["annuli", 0, "cuts", 0, 0], 10_000),
     "P over the sheet": scaled("outer", 0.93),
     "P moved right": shifted("outer", 0.3),
     "P moved left": shifted("outer", -0.3),
@@ -100,48 +61,26 @@ CHANGES: dict[str, Change] = {
     "Q moved right": shifted("inner", 0.3),
     "Q moved left": shifted("inner", -0.3),
     "epsilon ten times": at_annulus("epsilon", (0.5).hex()),
-    "epsilon hundred times": at_annulus("epsilon", (5.0).hex()),
-    "epsilon zero": at_annulus("epsilon", (0.0).hex()),
-    "epsilon negative": at_annulus("epsilon", (-0.05).hex()),
     "an equilibrium at the sheet": changed(["rates", 0], "3/2-z1"),
-    "an equilibrium at the other sheet": changed(["rates", 0], "-3/2-z1"),
     "time runs backwards": changed(["rates", 0], "z1"),
     "the fast time runs backwards": changed(["rates", 1], "z1**3/3-z1-z0"),
     "a cubic moved": changed(["rates", 1], "z0-z1**3/3+z1+1/2"),
-    "a cubic moved the other way": changed(["rates", 1], "z0-z1**3/3+z1-1/2"),
     "a pole in A": changed(["rates", 0], "-z1/z1**2*(1+z0**2)"),
     "a root in A": changed(["rates", 1], "z0-z1**3/3+z1+sqrt(z1)/1000"),
     "epsilon in the rates": changed(["rates", 1], "z0-z1**3/3+z1+30*z2"),
     "a pole at epsilon 0": changed(["rates", 0], "-z1-1/(1000000*z2)"),
     "a larger contraction": at_annulus("contraction", lambda v: number(v, lambda u: 1.5 * u)),
     "far larger contraction": at_annulus("contraction", (-1e3).hex()),
-    "unique with a positive bound": at_annulus("contraction", (0.5).hex()),
     "a divergence more": changed(["rates", 1], "(z0-z1**3/3+z1)*(1+3/(1+100*(z1+9/5)**2))"),
     "a shorter period": changed(["annuli", 0, "period", 1], (1.6).hex()),
     "a longer period": changed(["annuli", 0, "period", 0], (1.7).hex()),
     "periods the other way": at_annulus("period", lambda row: row[::-1]),
-    "a grid that ends too soon": changed(["annuli", 0, "grids", 0], lambda row: row[:-2]),
-    "a grid that begins too late": changed(["annuli", 0, "grids", 1], lambda row: row[2:]),
-    "a grid that falls": changed(["annuli", 0, "grids", 2], lambda row: row[::-1]),
-    "a grid that stands": changed(["annuli", 0, "grids", 3], lambda row: [row[0], *row]),
     "a coarse grid": changed(["annuli", 0, "grids", 0], lambda row: [row[0], row[-1]]),
-    "a grid too few": at_annulus("grids", lambda rows: rows[:3]),
-    "no strips": at_annulus("strips", 0),
-    "too many strips": at_annulus("strips", 10**9),
-    "another format": changed(["format"], "gsp relaxation cycle 1"),
     "no format": lambda proof: proof.pop("format") and None,
     "names alike": changed(["names"], ["x", "x", "epsilon"]),
-    "two names": changed(["names"], ["x", "y"]),
-    "one rate": changed(["rates"], ["-z1"]),
     "a rate with a name of Python's": changed(["rates", 0], "-z1+__import__('os').getpid()"),
-    "a rate of four variables": changed(["rates", 0], "-z1+z3"),
-    "no annuli": changed(["annuli"], []),
-    "many annuli": changed(["annuli"], lambda row: 10 * row),
-    "an odd row": at_annulus("outer", lambda row: row[:-1]),
     "a number that is none": changed(["annuli", 0, "outer", 3], "nan"),
     "a decimal": changed(["annuli", 0, "outer", 3], 1.25),
-    "a tiny number": changed(["annuli", 0, "outer", 3], "0x1p-1070"),
-    "unique as text": at_annulus("unique", "yes"),
     "a list": changed(["annuli", 0], []),
 }
 # Vertices of each polygon moved along the fast variable: across the sheet, or into the other polygon.
@@ -164,15 +103,15 @@ def test_a_proof_is_accepted_and_says_what_was_proved(proof: dict) -> None:
 
 
 # What the checker refuses by its last conditions, after seconds of work.
-LATE = {"a longer period", "a coarse grid", "a grid that begins too late"}
+LATE = {"a longer period", "a coarse grid"}
 
 
-@pytest.mark.parametrize("name", sampled(CHANGES, always=set(list(CHANGES)[::3]) - LATE))
+@pytest.mark.parametrize("name", sampled(CHANGES, always=set(CHANGES) - LATE))
 def test_a_changed_proof_is_rejected(proof: dict, name: str) -> None:
     other = copy.deepcopy(proof)
     CHANGES[name](other)
     assert other != proof
-    assert refused(other)
+    assert not holds(cycle_checker.check, other)
 
 
 @pytest.mark.exhaustive
@@ -219,7 +158,7 @@ def test_an_annulus_without_uniqueness_is_not_called_unique(tmp_path: Path) -> N
     read = written(found, tmp_path / "p.json")
     assert not cycle_checker.check(read).annuli[0].unique
     read["annuli"][0] |= {"unique": True, "contraction": (-1e-3).hex()}
-    assert refused(read)
+    assert not holds(cycle_checker.check, read)
 
 
 def test_edges_that_may_all_meet_are_counted(proof: dict, monkeypatch) -> None:

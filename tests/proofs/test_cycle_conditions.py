@@ -36,26 +36,23 @@ from tests.cycles.by_hand import (
     times,
     triangles,
 )
+from tests.proof_files import holds, row
 
 F = Fraction
 NEAR = 2.0**-20
 
 
-def row(values: Any) -> list[str]:
-    return [float(v).hex() for v in values]
-
-
 def plain(**more: Any) -> dict:
     return {
         "epsilon": float(EPSILON).hex(),
-        "outer": row(v for p in OUTER for v in p),
-        "inner": row(v for p in INNER for v in p),
+        "outer": row(*itertools.chain(*OUTER)),
+        "inner": row(*itertools.chain(*INNER)),
         "cuts": [list(cut) for cut in CUTS],
         "strips": 1,
         "unique": False,
         "contraction": (0.0).hex(),
-        "period": row([0, 100]),
-        "grids": [row(grid) for grid, _ in zip(GRIDS, more.get("cuts", CUTS))],
+        "period": row(0, 100),
+        "grids": [row(*grid) for grid, _ in zip(GRIDS, more.get("cuts", CUTS))],
     } | more
 
 
@@ -64,20 +61,11 @@ def annulus(f: str, g: str, **more: Any) -> _Annulus:
 
 
 def crosses(f: str, g: str, one: tuple[int, int], two: tuple[int, int], side: int = 1) -> bool:
-    try:
-        annulus(f, g).require_crossed(one, two, side)
-    except Rejected:
-        return False
-    return True
+    return holds(lambda found: found.require_crossed(one, two, side), annulus(f, g))
 
 
 def nested(**more: Any) -> bool:
-    found = annulus("1", "1", **more)
-    try:
-        found._require_nested()
-    except Rejected:
-        return False
-    return True
+    return holds(lambda found: found._require_nested(), annulus("1", "1", **more))
 
 
 @pytest.mark.exhaustive
@@ -140,8 +128,8 @@ def test_times_and_divergences_of_a_turn_are_their_closed_forms(
 
 def test_coordinates_are_fractions() -> None:
     # All of the first case eight times as small.
-    outer, inner = (row(F(v, 8) for p in polygon for v in p) for polygon in (OUTER, INNER))
-    grids = [row(F(v, 8) for v in grid) for grid in GRIDS]
+    outer, inner = (row(*(F(v, 8) for p in polygon for v in p)) for polygon in (OUTER, INNER))
+    grids = [row(*(F(v, 8) for v in grid)) for grid in GRIDS]
     least, most, _ = annulus("2", "8", outer=outer, inner=inner, grids=grids).turn()
     assert 0 <= F(1, 2) - least <= F(1, 2**80)
     assert 0 <= most - TURNS[0][3] / 8 <= F(1, 2**80)
@@ -165,7 +153,7 @@ def test_a_rate_that_changes_its_sign_in_a_sector_is_refused(f: str, g: str) -> 
 @pytest.mark.parametrize("grid", [[-4, -2, 2, 3.5], [-3.5, 4], [-4, -4, 4], [4, -4], [4], []])
 def test_a_grid_rises_and_covers_its_sector(grid: list[float]) -> None:
     with pytest.raises(Rejected, match="grid"):
-        annulus("1", "1", grids=[row(grid), *(row(g) for g in GRIDS[1:])]).turn()
+        annulus("1", "1", grids=[row(*grid), *(row(*g) for g in GRIDS[1:])]).turn()
 
 
 def test_strips_hold_the_ends_of_edges_over_them() -> None:
@@ -205,7 +193,7 @@ def test_the_time_over_a_strip_is_open_by_so_much_as_the_slopes_leave() -> None:
 
 def test_the_polygons_are_nested_and_the_cuts_follow_one_another() -> None:
     for outer, inner, cuts, said in nestings():
-        rows = {"outer": row(itertools.chain(*outer)), "inner": row(itertools.chain(*inner))}
+        rows = {"outer": row(*itertools.chain(*outer)), "inner": row(*itertools.chain(*inner))}
         assert nested(cuts=[list(cut) for cut in cuts], **rows) is said, (outer, inner, cuts)
 
 
@@ -213,8 +201,8 @@ def test_the_polygons_are_nested_and_the_cuts_follow_one_another() -> None:
     "wrong",
     [
         {"cuts": [[0, 0]]}, {"cuts": [[0, 0], [3, 3], [4, 4]]}, {"cuts": [[0, 8], [3, 3]]}, {"cuts": [[8, 0], [3, 3]]},
-        {"strips": 0}, {"strips": 5001}, {"unique": 1}, {"unique": True}, {"period": row([1])}, {"grids": []},
-        {"outer": row([1, 2, 3])}, {"epsilon": (0.0).hex()}, {"epsilon": (-1.0).hex()},
+        {"strips": 0}, {"strips": 5001}, {"unique": 1}, {"unique": True}, {"period": row(1)}, {"grids": []},
+        {"outer": row(1, 2, 3)}, {"epsilon": (0.0).hex()}, {"epsilon": (-1.0).hex()},
         {"outer": ["0x1p-256", *plain()["outer"][1:]]}, {"outer": ["0x1p256", *plain()["outer"][1:]]},
     ],
 )  # fmt: skip
@@ -265,13 +253,13 @@ def test_claims_are_no_sharper_than_what_is_found() -> None:
     # From 4 to 8 + 1/7, and an integral of -4.
     most = 8.0 + 1.0 / 7.0
     for least, said in ((4.0 - NEAR, True), (4.0 + NEAR, False)):
-        assert (claimed(period=row([least, 9])) is not None) is said
+        assert (claimed(period=row(least, 9)) is not None) is said
     for greatest, said in ((most - NEAR, False), (most + NEAR, True)):
-        assert (claimed(period=row([3, greatest])) is not None) is said
+        assert (claimed(period=row(3, greatest)) is not None) is said
     for bound, said in ((-4.0 - NEAR, False), (-4.0 + NEAR, True)):
         assert (claimed(unique=True, contraction=bound.hex()) is not None) is said
         assert claimed(unique=False, contraction=bound.hex())
-    found = claimed(unique=True, contraction=(-3.5).hex(), period=row([3, 9]))
+    found = claimed(unique=True, contraction=(-3.5).hex(), period=row(3, 9))
     assert found == CheckedAnnulus(0.25, True, (3.0, 9.0), -3.5, 2 * (((-4.0, -2.0), (2.0, 4.0)),), (8, 8))
 
 
@@ -281,8 +269,8 @@ def test_triangles_within_one_another_are_told_from_others() -> None:
         one = annulus(
             "1",
             "1",
-            outer=row(itertools.chain(*outer)),
-            inner=row(itertools.chain(*inner)),
+            outer=row(*itertools.chain(*outer)),
+            inner=row(*itertools.chain(*inner)),
             cuts=[[0, 0], [1, 1]],
         )
         one.cuts = []

@@ -12,13 +12,11 @@ from gsp.proofs import intervals as ia
 from gsp.proofs.checked_passage import CheckedDelay, CheckedPassage
 from gsp.proofs.passage_checker import DelayChecker
 from gsp.proofs.programs import IntervalProgram, Rejected
+from tests import proof_files
+from tests.proof_files import row
 
 F = Fraction
 NEAR = 2.0**-20
-
-
-def row(*values: float) -> list[str]:
-    return [float(v).hex() for v in values]
 
 
 def delay(
@@ -35,12 +33,7 @@ def delay(
 
 
 def holds(*given: Any, **more: Any) -> bool:
-    checker = delay(*given, **more)
-    try:
-        checker.checked()
-    except Rejected:
-        return False
-    return True
+    return proof_files.holds(lambda checker: checker.checked(), delay(*given, **more))
 
 
 # k, and where orbits from -1 are kept to and have left by: (x^2 - 1)/2, with v up to 1/8 either way, and epsilon.

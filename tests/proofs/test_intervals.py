@@ -7,7 +7,7 @@ import mpmath
 import pytest
 
 from gsp.proofs import intervals as ia
-from tests.proofs.test_balls import CASES, WHOLE, inside, interval
+from tests.proofs.test_balls import HOW_OFTEN, inside, interval
 
 ELEMENTARY = ("exp", "log", "sin", "cos", "tanh", "sinh", "cosh", "atan")
 
@@ -20,7 +20,8 @@ def enclosing(low: float, high: float) -> ia.Interval:
     return ia.of(Fraction(low))[0], ia.of(Fraction(high))[1]
 
 
-def rational_operations_hold(cases: int) -> None:
+@HOW_OFTEN
+def test_rational_operations_hold_the_exact_value(cases: int) -> None:
     draw = random.Random(4)
     for _ in range(cases):
         one, two = interval(draw), interval(draw)
@@ -45,7 +46,8 @@ def rational_operations_hold(cases: int) -> None:
                 assert (end[0], end[1] - end[0] <= 2) == (low, True)
 
 
-def elementary_functions_hold(cases: int) -> None:
+@HOW_OFTEN
+def test_elementary_functions_hold_the_exact_value(cases: int) -> None:
     draw = random.Random(5)
     with mpmath.workprec(400):
         for _ in range(cases):
@@ -74,14 +76,6 @@ def test_a_hull_is_the_least_interval_that_holds_both() -> None:
     assert ia.hull((1, 5), (2, 3)) == ia.hull((2, 3), (1, 5)) == (1, 5)
 
 
-def test_rational_operations_hold_the_exact_value() -> None:
-    rational_operations_hold(CASES)
-
-
-def test_elementary_functions_hold_the_exact_value() -> None:
-    elementary_functions_hold(CASES // 3)
-
-
 def test_exponentials_of_large_numbers_hold_the_exact_value_and_no_more_than_rounding() -> None:
     # The most powers of two are taken out here, each with the rounding of log 2.
     draw = random.Random(6)
@@ -92,12 +86,6 @@ def test_exponentials_of_large_numbers_hold_the_exact_value_and_no_more_than_rou
             low, high = ia.exp(ia.of(a))
             assert low <= value <= high
             assert high - low <= value * 2.0**-110
-
-
-@pytest.mark.exhaustive
-def test_every_operation_holds_the_exact_value_in_ten_thousand_cases() -> None:
-    rational_operations_hold(WHOLE)
-    elementary_functions_hold(WHOLE)
 
 
 def test_half_pi_is_enclosed_to_the_last_digits() -> None:

@@ -22,23 +22,19 @@ WAY = (F(1, 2), F(-3), F(2))
 SMOOTH = [text for text in RATIONAL if text not in ("5", "7*z1**0", "z0**-2*-z1")]
 
 
-def thin(value: Fraction) -> ia.Interval:
-    return ia.of(value)
-
-
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("text", SMOOTH)
 def test_rational_functions_have_the_derivatives_of_their_quotients(text: str) -> None:
     program = IntervalProgram(("z0", text), 3)
     whole = [(int((m - r) * ia.ONE), int((m + r) * ia.ONE)) for m, r in zip(MIDDLE, RADII)]
-    over = along(program, 1, whole, [thin(w) for w in WAY])
+    over = along(program, 1, whole, [ia.of(w) for w in WAY])
     for shares in ((-1, -1, -1), (1, F(1, 3), -1), (F(1, 3), 1, 1)):
         point = [m + share * r for m, share, r in zip(MIDDLE, shares, RADII)]
         line = RATIONAL[text](*(sp.Rational(p) + sp.Rational(w) * t for p, w in zip(point, WAY)))
         exact = [_fraction(sp.diff(line, t, k)) for k in range(3)]
         assert list(exactly(program, 1, point, list(WAY))) == exact
         assert all(map(within, over, exact))
-        found = along(program, 1, [thin(p) for p in point], [thin(w) for w in WAY])
+        found = along(program, 1, [ia.of(p) for p in point], [ia.of(w) for w in WAY])
         assert all(map(within, found, exact))
         assert max(high - low for low, high in found) < 1 << 20
 
@@ -58,7 +54,7 @@ def test_functions_have_their_derivatives(name: str) -> None:
     with mpmath.workprec(400):
         for radius, at in itertools.product((F(0), F(1, 64)), (F(1, 4), F(-3, 8))):
             box = (int((at - radius) * ia.ONE), int((at + radius) * ia.ONE))
-            found = along(program, 0, [box], [thin(F(2))])
+            found = along(program, 0, [box], [ia.of(F(2))])
             for share in (-1, 1):
                 place = mpmath.mpf(int(64 * (at + share * radius))) / 64
                 for k, held in enumerate(found):

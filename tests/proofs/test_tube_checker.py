@@ -8,14 +8,17 @@ where d > k; with cones of slope L and a collar c, and p the slow rate -k toward
 
 import contextlib
 import copy
+from functools import partial
 from typing import Any
 
 import pytest
 
 from gsp.proofs import tube_checker
 from gsp.proofs.programs import Rejected
+from tests import proof_files
 
 NEAR = 2.0**-20
+holds = partial(proof_files.holds, tube_checker.check)
 
 
 def proof(*, sign: int = -1, rate: str = "1", epsilon: float = 0.25, **more: Any) -> dict:
@@ -55,14 +58,6 @@ def cone(plain: dict, **more: float) -> dict:
     found = copy.deepcopy(plain)
     found["cones"][0] |= {key: value.hex() for key, value in more.items()}
     return found
-
-
-def holds(plain: dict) -> bool:
-    try:
-        tube_checker.check(plain)
-    except Rejected:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

@@ -69,15 +69,6 @@ def test_inside_is_the_interior() -> None:
         assert not inside(ball, 1.0)
 
 
-@pytest.mark.parametrize(("entry", "expected"), [(-2.0, (1, 0, [-1])), (3.0, (0, 1, [1]))])
-def test_a_single_eigenvalue_is_its_own_spectrum(entry: float, expected: tuple) -> None:
-    found = spectrum_of([arb(entry)], np.array([[entry]]))
-    assert found is not None
-    assert (found.stable, found.unstable, list(found.signs)) == expected
-    assert found.gap == pytest.approx(abs(entry), rel=1e-12)
-    assert spectrum_of([arb(0, 1)], np.array([[0.0]])) is None
-
-
 @pytest.mark.parametrize(("graph", "width"), [((x / 3 + 1,), 1e-14), ((1 / x,), 1e-6), (None, 1e-6)])
 def test_a_point_of_a_branch_is_held_where_its_formula_has_no_value(graph, width: float) -> None:
     # y + y^3 = x + 2, at x = 0.
