@@ -19,7 +19,7 @@ from gsp.readers.expressions import parse_expression, parse_number
 from gsp.readers.tokens import DIGITS, EXPONENT, NumberError
 from gsp.readers.toml import parsed
 from gsp.systems.system import VectorField
-from tests.cases import sampled, thinned
+from tests.cases import sampled
 
 SYMBOLS = {name: sp.Symbol(name) for name in ("x", "y", "z", "v", "E", "velocity")}
 x, y, z, v = (SYMBOLS[name] for name in "xyzv")
@@ -190,22 +190,11 @@ def test_every_function_has_its_value_and_takes_no_argument_more_or_less(name: s
         ("E*x", SYMBOLS["E"] * x),
         ("x +\n\t y", x + y),
         ("0^0", sp.Integer(1)),
+        ("x^0 - tanh(13.82)", 1 - sp.tanh(sp.Rational(691, 50))),
     ],
 )
 def test_the_grammar_reads_as_mathematics_does(text, expected):
     assert parse(text) == expected
-
-
-@pytest.mark.parametrize("name", sorted(expressions.FUNCTIONS))
-def test_every_function_of_the_grammar_is_the_sympy_one(name):
-    count, function = expressions.FUNCTIONS[name]
-    assert parse(f"{name}({', '.join('xy'[:count])})") == function(*(x, y)[:count])
-
-
-def test_numbers_stay_exact():
-    assert parse_number("1.5e-3") == sp.Rational(3, 2000)
-    assert parse_number("0." + "3" * 49) == sp.Rational(int("3" * 49), 10**49)
-    assert all(number.is_Rational for number in parse("0.1*x + 1e-30").atoms(sp.Number))
 
 
 @pytest.mark.parametrize(
@@ -330,32 +319,21 @@ def test_hostile_text_is_refused_at_once(key):
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "text",
-    thinned(
-        [
-            "+".join(f"tanh({i}/(1 + tanh({i}/(1 + {i}*x))))" for i in range(1, 9)),
-            "+".join(f"cosh({i}/(1 + cosh({i}/(1 + {i}*x))))" for i in range(1, 6)),
-            "+".join(f"sqrt({i}/(1 + sqrt({i}/(1 + {i}*x))))" for i in range(1, 9)),
-            "*".join(f"sqrt({10**49 + i})" for i in range(16)),
-            "+".join(f"tanh({i}/(1 + {i}*x))" for i in range(1, 41)),
-            "(" * 99 + "x" + ")" * 99,
-            "1/(1 + " * 50 + "x" + ")" * 50,
-            "+".join(f"{i}*x*y^{i % 9}*z" for i in range(1, 400)),
-        ],
-        4,
-    ),
+    [
+        "+".join(f"tanh({i}/(1 + tanh({i}/(1 + {i}*x))))" for i in range(1, 9)),
+        "+".join(f"cosh({i}/(1 + cosh({i}/(1 + {i}*x))))" for i in range(1, 6)),
+        "+".join(f"sqrt({i}/(1 + sqrt({i}/(1 + {i}*x))))" for i in range(1, 9)),
+        "*".join(f"sqrt({10**49 + i})" for i in range(16)),
+        "+".join(f"tanh({i}/(1 + {i}*x))" for i in range(1, 41)),
+        "(" * 99 + "x" + ")" * 99,
+        "1/(1 + " * 50 + "x" + ")" * 50,
+        "+".join(f"{i}*x*y^{i % 9}*z" for i in range(1, 400)),
+    ],
     ids=lambda text: text[:16],
 )
 def test_the_largest_text_that_is_allowed_is_read_quickly(text):
     with calls_within(MOST_CALLS):
         assert isinstance(parse(text), sp.Expr)
-
-
-@pytest.mark.exhaustive
-@given(st.text(max_size=60))
-@settings(max_examples=100)
-def test_random_text_raises_nothing_but_our_own_error(text):
-    with contextlib.suppress(ModelFileError):
-        parse(text)
 
 
 @pytest.mark.exhaustive
@@ -405,10 +383,6 @@ TREES = st.recursive(
     ),
     max_leaves=8,
 )
-
-
-def test_constants_that_nearly_cancel_are_read():
-    assert parse("x^0 - tanh(13.82)") == 1 - sp.tanh(sp.Rational(691, 50))
 
 
 @pytest.mark.exhaustive
@@ -535,12 +509,7 @@ CHANGES = {
     ),
     "long title": ("An enzyme", "An enzyme" * 99, ("title has", "200")),
     "path as a name": ('name = "michaelis_menten"', 'name = "../../etc/passwd"', ("plain word",)),
-    "reversed region": ("[0.1, 2]", "[2, 0.1]", ("region of s is reversed",)),
     "one number": ("[0.1, 2]", "[2]", ("region.s is a pair", "1")),
-    "start outside": ("s = 1\n", "s = 3\n", ("outside the region",)),
-    "reversed span": ("[0, 5]", "[5, 0]", ("span is reversed",)),
-    "negative epsilon": ("epsilon = 0.01", "epsilon = -0.01", ("positive",)),
-    "wrong state": ("s = [0.1, 2]", "ss = [0.1, 2]", ('"ss"', "no state")),
     "undeclared name": ("(s + kappa)*c", "(s + kapa)*c", ("fast.c", '"kapa"', 'Did you mean "kappa"')),
     "code": ("s - (s + kappa)*c", "__import__('os').system('id')", ("fast.c", "means nothing")),
     "code as a name": ('c = "s -', '"__import__(\'os\')" = "s -', ("plain word",)),
@@ -561,8 +530,6 @@ CHANGES = {
     "misplaced epsilon": ("(s + kappa)*c", "(s + kappa)*c*exp(epsilon)", ("no pole or power",)),
     "pole in the fast rates": ("(s + kappa)*c", "(s + kappa)*c/epsilon", ("pole of order 1",)),
     "path of one": ("epsilon = 0.01", 'epsilon = 0.01\npath = ["s"]', ("scene.path", "pair")),
-    "unknown path": ("epsilon = 0.01", 'epsilon = 0.01\npath = ["s", "q"]', ('"q"',)),
-    "ladder of one": ("epsilon = 0.01", "epsilon = 0.01\nepsilons = [0.1]", ("too few",)),
     "ladder that is a number": (
         "epsilon = 0.01",
         "epsilon = 0.01\nepsilons = 0.1",
@@ -624,7 +591,7 @@ BOMBS = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("key", sampled(BOMBS, always=set(BOMBS) - {"header and keys"}))
+@pytest.mark.parametrize("key", BOMBS)
 def test_a_file_made_to_exhaust_the_reader_is_refused_at_once(key, tmp_path):
     path = write(tmp_path, BOMBS[key])
     # Unguarded, these take minutes or the memory of the machine.

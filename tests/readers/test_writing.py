@@ -12,7 +12,6 @@ import gsp
 from gsp.errors import DeclarationError, OutputError
 from gsp.readers import writing
 from gsp.readers.writing import as_toml
-from tests.cases import thinned
 
 SYSTEMS = sorted(Path(__file__).parents[1].joinpath("systems").glob("*.toml"))
 
@@ -45,7 +44,7 @@ def same(scene: gsp.Scene, path: Path) -> gsp.Scene:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(gsp.models.names(), 2))
+@pytest.mark.parametrize("name", gsp.models.names())
 def test_built_in_scenes_return(name, tmp_path):
     scene = gsp.models.load(name)
     back = same(scene, tmp_path)
@@ -57,7 +56,7 @@ def test_built_in_scenes_return(name, tmp_path):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("path", thinned(SYSTEMS, 3), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SYSTEMS, ids=lambda path: path.stem)
 def test_systems_from_the_literature_return(path, tmp_path):
     same(gsp.load(path), tmp_path)
 
