@@ -101,43 +101,7 @@ def test_raw_and_reduced_equations_have_one_solution() -> None:
     assert system.constraint_residual(off)[0, -1] == pytest.approx(slip, abs=1e-11)
 
 
-# Values of the nonholonomic limit at m = I = 1, a = 1/5 from (v, omega) = (1, 1), computed to 30 digits.
-LIMIT = {
-    1: (1.1642939823127658955, 0.8112309750941423797, 0.90470379352993683994, 0.93260269994957858549),
-    5: (1.3963324049975912646, 0.2945919843836862506, 2.9741544086425951147, -1.5029315078005842580),
-    20: (1.4282771593161353687, 0.0048393594449442925, 4.0371353247759197045, -17.761948994331010158),
-}
-
-
-def test_the_full_solution_of_the_limit_is_the_reference() -> None:
-    system = constrained_sleigh()
-    start = {"v": 1, "omega": 1, "x": 0, "y": 0, "phi": 0}
-    run = integrate(system.full_field, start=start, span=(0, 20), at=list(LIMIT), **TIGHT)
-    found = np.stack([run[name] for name in ("v", "omega", "phi", "x")], axis=1)
-    np.testing.assert_allclose(found, list(LIMIT.values()), rtol=1e-9, atol=1e-10)
-
-
 # -- closed forms ----------------------------------------------------------------------------------
-
-
-def test_a_knife_edge_on_an_incline_goes_nowhere_downhill() -> None:
-    J, alpha = sp.symbols("J alpha")
-    L = m * (xdot**2 + ydot**2) / 2 + J * phidot**2 / 2 + m * g * x * sin(alpha)
-    values = {m: 2, J: 0.3, g: 9.81, alpha: 0.5}
-    edge = constrain(
-        LagrangianSystem(L, [x, y, phi], [xdot, ydot, phidot], parameters=values),
-        [xdot * sin(phi) - ydot * cos(phi)],
-    )
-    # The incline's direction enters the rates, so phi is a state; x and y are driven.
-    assert [s.name for s in edge.reduced.states] == ["phi", "u1", "phidot"]
-    assert edge.energy_rate() == 0
-    times, rate = np.linspace(0.5, 6, 12), 1.3
-    start = {"phi": 0, "u1": 0, "phidot": rate, "x": 0, "y": 0}
-    run = integrate(edge.full_field, start=start, span=(0, 6), at=times, **TIGHT)
-    G = 9.81 * np.sin(0.5)
-    np.testing.assert_allclose(run["x"], G * np.sin(rate * times) ** 2 / (2 * rate**2), atol=1e-9)
-    expected = G * (rate * times - np.sin(2 * rate * times) / 2) / (2 * rate**2)
-    np.testing.assert_allclose(run["y"], expected, atol=1e-9)
 
 
 def rolling_disc() -> ConstrainedSystem:
@@ -148,50 +112,6 @@ def rolling_disc() -> ConstrainedSystem:
         L, [x, y, phi, theta], [xdot, ydot, phidot, thetadot], parameters={m: 1, J: 0.25, K: 0.5, R: 0.7}
     )
     return constrain(system, [xdot - R * cos(phi) * thetadot, ydot - R * sin(phi) * thetadot])
-
-
-def test_the_contact_point_of_a_rolling_disc_moves_on_a_circle() -> None:
-    disc = rolling_disc()
-    assert disc.reduced.states == (phidot, thetadot)
-    assert disc.reduced.rates == (0, 0)
-    start = {"phidot": 0.8, "thetadot": 2.0, "x": 1, "y": -2, "phi": 0.3, "theta": 0}
-    run = integrate(disc.full_field, start=start, span=(0, 7), at=np.linspace(0, 7, 15), **TIGHT)
-    radius = 0.7 * 2.0 / 0.8
-    centre = 1 - radius * np.sin(0.3), -2 + radius * np.cos(0.3)
-    np.testing.assert_allclose(np.hypot(run["x"] - centre[0], run["y"] - centre[1]), radius, atol=1e-9)
-
-
-@pytest.mark.exhaustive
-def test_a_ball_on_a_turntable_moves_on_circles_at_two_sevenths_of_its_rate() -> None:
-    """Affine constraints, with space angular velocities as quasi-velocities over Euler angles."""
-    q = sp.symbols("x y alpha beta gamma")
-    rates = sp.symbols("xdot ydot alphadot betadot gammadot")
-    alpha, beta = q[2:4]
-    ad, bd, gd = rates[2:]
-    J, r, turn = sp.symbols("J r Omega")
-    wx = bd * cos(alpha) + gd * sin(beta) * sin(alpha)
-    wy = bd * sin(alpha) - gd * sin(beta) * cos(alpha)
-    wz = ad + gd * cos(beta)
-    L = m * (xdot**2 + ydot**2) / 2 + J * (wx**2 + wy**2 + wz**2) / 2
-    system = LagrangianSystem(L, q, rates, parameters={m: 1, J: sp.Rational(2, 5), r: 1, turn: 3})
-    table = [xdot - r * wy + turn * y, ydot + r * wx - turn * x]
-    names = sp.symbols("wx wy wz")
-    ball = constrain(system, table, frame=dict(zip(names, (wx, wy, wz))))
-    assert set(ball.reconstruction) == {alpha, beta, q[4]}
-    assert ball.integrable == (False, False)
-    # The table does work: dH/dt = -lambda . c.
-    work = sum(lam * c.subs(dict.fromkeys(rates, 0)) for lam, c in zip(ball.reduced_multipliers, table))
-    assert sp.expand(ball.energy_rate() + work) == 0
-    assert ball.energy_rate() != 0
-    times = np.linspace(0, 5, 11)
-    start = {"x": 0.4, "y": 0.1, "wx": 0.7, "wy": -0.2, "wz": 0.5}
-    run = integrate(ball.reduced, start=start, span=(0, 5), at=times, **TIGHT)
-    place = run["x"] + 1j * run["y"]
-    velocity = (-3 * 0.1 - 0.2) + 1j * (3 * 0.4 - 0.7)
-    turning = 3 * 2 / 7
-    np.testing.assert_allclose(
-        place, place[0] + velocity * (np.exp(1j * turning * times) - 1) / (1j * turning), atol=1e-9
-    )
 
 
 def test_a_holonomic_constraint_gives_lagranges_equations_on_the_circle() -> None:

@@ -13,8 +13,6 @@ from gsp.errors import DeclarationError
 from gsp.integration.trajectory import integrate
 from gsp.mechanics import DryFrictionSystem, FrictionSystem, LagrangianSystem, with_friction
 from gsp.sliding.law import W
-from gsp.sliding.piecewise_run import Side, run_piecewise
-from gsp.sliding.sharpened import sharpened
 
 x, y, phi, xdot, ydot, phidot = sp.symbols("x y phi xdot ydot phidot")
 m, a, inertia, mu, N, v, omega, w, epsilon = sp.symbols("m a I mu N v omega w epsilon")
@@ -101,36 +99,6 @@ def test_a_law_that_overshoots_holds_on_longer() -> None:
     assert over.time is None or over.time > plain.time
     weak = sleigh(stribeck, force=0.7).no_slip(start=start, span=(0, 8))
     assert weak.loss is LossKind.SLIP_ONSET
-
-
-@pytest.mark.exhaustive
-def test_a_sleigh_that_slips_comes_to_stick_as_scipys_does() -> None:
-    """Sliding with F = 0.9 against the slip, by the equations in (v, omega, w) written by hand, until w = 0."""
-    force = 0.9
-
-    def rates(_, z):
-        pull = -force * np.sign(z[2])
-        return [
-            z[1] * (ARM * z[1] + z[2]),
-            -ARM * pull / INERTIA,
-            -z[0] * z[1] + pull * TOTAL / (INERTIA * MASS),
-        ]
-
-    def stops(_, z):
-        return z[2]
-
-    stops.terminal, stops.direction = True, -1
-    start = {"v": 0.6, "omega": 0.5, "w": 0.8}
-    run = solve_ivp(rates, (0, 5), list(start.values()), "DOP853", rtol=1e-12, atol=1e-14, events=stops)
-    ours = run_piecewise(sharpened(sleigh().field), start=start, span=(0, 3), phi=sleigh().law)
-    assert [piece.side for piece in ours.pieces] == [Side.PLUS, Side.SLIDING]
-    assert ours.changes[0] == pytest.approx(run.t[-1], abs=1e-8)
-    stuck = ours.pieces[0].run
-    assert [stuck[name][-1] for name in ("v", "omega", "w")] == pytest.approx(run.y[:, -1], abs=1e-8)
-    # Then it is nonholonomic: v^2 + omega^2 (I + m a^2)/m is kept.
-    after = ours.pieces[1].run
-    energy = after["v"] ** 2 + after["omega"] ** 2 * TOTAL / MASS
-    assert np.ptp(energy) < 1e-9
 
 
 def test_a_block_creeps_down_an_incline_by_the_law() -> None:

@@ -18,6 +18,7 @@ from gsp.mechanics import DryFrictionSystem, LagrangianSystem, with_friction
 from gsp.readers.toml import read_model
 from gsp.sliding.law import W, switch_law
 from gsp.sliding.piecewise_run import Side
+from tests.cases import sampled
 
 x, y, phi, psi, X, xdot, ydot, phidot, psidot, Xdot, t, epsilon = sp.symbols(
     "x y phi psi X xdot ydot phidot psidot Xdot t epsilon"
@@ -226,9 +227,7 @@ QUICK = (
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.exhaustive) for name in CASES]
-)
+@pytest.mark.parametrize("name", CASES)
 def test_sticking_slipping_and_the_times_of_change_are_scipys(name: str) -> None:
     case = CASES[name]
     run = case.system().run(start=case.start, span=(0, case.span))
@@ -256,9 +255,7 @@ def test_sticking_slipping_and_the_times_of_change_are_scipys(name: str) -> None
                 assert np.sign(slip) == (1 if side is Side.PLUS else -1)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.exhaustive) for name in CASES]
-)
+@pytest.mark.parametrize("name", sampled(CASES, always=QUICK))
 def test_a_model_file_makes_the_same_field(name: str) -> None:
     """Its start gives raw velocities; the scene's rates are those that Python makes, at a place drawn at random."""
     case = CASES[name]
