@@ -100,13 +100,7 @@ def test_a_prediction_is_neither_above_nor_below_the_error_by_much(seed: int) ->
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("seed", "tolerance"),
-    [
-        pytest.param(*case, marks=() if case == (27, 1e-6) else pytest.mark.exhaustive)
-        for case in product(range(20, 32), [1e-3, 1e-6])
-    ],
-)
+@pytest.mark.parametrize(("seed", "tolerance"), list(product(range(20, 32), [1e-3, 1e-6])))
 def test_a_simulation_keeps_to_its_tolerance(seed: int, tolerance: float) -> None:
     found = case(seed)
     scene = replace(found.scene, tolerance=tolerance)

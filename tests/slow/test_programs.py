@@ -7,7 +7,7 @@ import sympy as sp
 
 from gsp import SlowFastSystem, expand, integrate, restrict, solve_critical
 from gsp.critical.sampling import Sampler
-from gsp.errors import BudgetError, HyperbolicityError, Status
+from gsp.errors import BudgetError, HyperbolicityError
 from gsp.integration import restriction
 from gsp.integration.reduction_end import validity
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
@@ -124,19 +124,6 @@ def test_the_defect_of_invariance_falls_with_the_square_of_epsilon() -> None:
     assert sizes[0] / sizes[1] == pytest.approx(100.0, rel=0.05)
     lower = [np.linalg.norm(series.residual(1.0, small, order=0)) for small in (1e-2, 1e-3)]
     assert lower[0] / lower[1] == pytest.approx(10.0, rel=0.05)
-
-
-@pytest.mark.exhaustive
-def test_a_reduced_run_of_a_long_chain_stays_on_the_manifold_and_by_the_full_run() -> None:
-    system = chain(40)
-    branch = sheet(system)
-    series = expand(branch, order=1)
-    run = integrate(restrict(series), start={"x": 1.0}, span=(0, 2), epsilon=1e-3, rtol=1e-8)
-    assert run.status is Status.SUCCESS
-    start = {"x": 1.0, **{s.name: v for s, v in zip(system.y, series.evaluate(1.0, 1e-3))}}
-    full = integrate(system, start=start, span=(0, 2), epsilon=1e-3, rtol=1e-8)
-    # Of the second order in epsilon.
-    assert run["x"][-1] == pytest.approx(full["x"][-1], abs=1e-5)
 
 
 @pytest.mark.exhaustive

@@ -11,7 +11,6 @@ from gsp.slow.raw_series import RawManifold, carry_back
 from gsp.slow.series import expand
 from gsp.splitting.splitting import split
 from gsp.systems.system import VectorField
-from tests.cases import thinned
 
 v, omega, w, m, inertia, a, eps = sp.symbols("v omega w m I a epsilon")
 x, y, z = sp.symbols("x y z")
@@ -90,7 +89,7 @@ FIELDS = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("case", thinned(FIELDS, 2))
+@pytest.mark.parametrize("case", FIELDS)
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
 def test_the_invariance_equation_holds_in_raw_variables_to_the_order(case: str, order: int) -> None:
     field, start, point = FIELDS[case]

@@ -86,7 +86,7 @@ EXACT = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(EXACT, 2))
+@pytest.mark.parametrize("name", EXACT)
 @pytest.mark.parametrize("value", [0.1, 0.01])
 def test_exact_manifolds(name: str, value: float) -> None:
     branch, region, kind, exact = EXACT[name]
@@ -137,7 +137,7 @@ def test_the_sleigh() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("value", thinned([1e-4, 1e-2, 0.1], 2))
+@pytest.mark.parametrize("value", [1e-4, 1e-2])
 def test_segel_and_slemrods_michaelis_menten(value: float) -> None:
     # s' = (-(kappa + 1) s + (kappa - sigma + s) c)/sigma, epsilon c' = s - c (kappa + s)/(kappa + 1): the scaling
     # of Patsatzis, Fabiani, Russo and Siettos (2023), kappa = 10, sigma = 100, s up to 1.
@@ -150,14 +150,7 @@ def test_segel_and_slemrods_michaelis_menten(value: float) -> None:
     assert manifold.status.ok
     assert manifold.error_estimate < 1e-11
     points = np.linspace(1e-6, 1, 40)
-    if value == 0.1:
-        run = solve_ivp(
-            lambda q, c: ((q - c * (10 + q) / 11) / value) / ((-11 * q + (q - 90) * c) / 100),
-            (30, 1e-6), [30 * 11 / 40], method="Radau", rtol=1e-12, atol=1e-14, t_eval=points[::-1],
-        )  # fmt: skip
-        other = run.y.T[::-1]
-    else:
-        other = zero_derivative(branch, points, epsilon=value).y
+    other = zero_derivative(branch, points, epsilon=value).y
     np.testing.assert_allclose(manifold.evaluate(points), other, rtol=0, atol=2e-12)
 
 
@@ -179,7 +172,13 @@ def test_the_middle_sheet_of_van_der_pol_is_followed_backward() -> None:
     np.testing.assert_allclose(manifold.evaluate(run["y"][on])[:, 0], run["x"][on], rtol=0, atol=1e-10)
 
 
+FOCUS = SlowFastSystem(
+    slow={u: 1 + w**2, w: -w + u},
+    fast={x: -x + 5 * y + sp.sin(u), y: -5 * x - y + w, z: z - u * w + x},
+    epsilon=epsilon,
+)
 CASES = {
+    "saddle with a focus": (branch_of(FOCUS), {"u": (0.1, 0.5), "w": (-0.5, 0.5)}),
     "two slow": (branch_of(systems.sleigh()), {"v": (0.2, 1), "p": (0.2, 1)}),
     "implicit": (branch_of(systems.van_der_pol()), {"y": (0.4, 1.4), "x": (1.2, 3)}),
     "seeded": (branch_of(systems.van_der_pol(), {"y": 0.7, "x": 2}), {"y": (0.4, 1.4)}),
@@ -190,7 +189,7 @@ CASES = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(CASES, 2))
+@pytest.mark.parametrize("name", CASES)
 def test_three_methods_agree(name: str) -> None:
     branch, region = CASES[name]
     manifold = solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-11)
@@ -204,7 +203,7 @@ def test_three_methods_agree(name: str) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(["two slow", "implicit", "two fast", "folded"], 2))
+@pytest.mark.parametrize("name", ["two slow", "implicit", "two fast", "folded"])
 def test_the_full_flow_stays_on_it(name: str) -> None:
     branch, region = CASES[name]
     manifold = solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-11)
@@ -233,22 +232,6 @@ def test_the_slope_is_the_derivative_and_the_residual_is_what_it_says() -> None:
     )
     defect = 0.01 * (np.einsum("mij,mj->mi", manifold.slope(points), rates[:, :2]) - rates[:, 2:])
     np.testing.assert_allclose(manifold.residual(points), defect, rtol=0, atol=1e-15)
-
-
-@pytest.mark.exhaustive
-def test_a_saddle_with_a_focus_over_two_slow_variables() -> None:
-    system = SlowFastSystem(
-        slow={u: 1 + w**2, w: -w + u},
-        fast={x: -x + 5 * y + sp.sin(u), y: -5 * x - y + w, z: z - u * w + x},
-        epsilon=epsilon,
-    )
-    branch = branch_of(system)
-    manifold = solve_manifold(branch, region={"u": (0.1, 0.5), "w": (-0.5, 0.5)}, epsilon=0.01, tolerance=1e-11)
-    assert manifold.status.ok
-    assert manifold.kind is Kind.SADDLE
-    points = inside(manifold, 30)
-    other = zero_derivative(branch, points, epsilon=0.01)
-    np.testing.assert_allclose(manifold.evaluate(points), other.y, rtol=0, atol=1e-10)
 
 
 @pytest.mark.exhaustive
@@ -387,26 +370,19 @@ def test_a_point_outside_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "words"),
+    ("change", "words"),
     [
-        ({"region": {}}, DeclarationError, "region bounds no state"),
-        ({"region": {"x": (0, 1)}}, DeclarationError, "no interval for y"),
-        ({"region": {"y": (1, 0)}}, DeclarationError, "is reversed"),
-        ({"region": {"q": (0, 1)}}, DeclarationError, "which is no state"),
-        ({"epsilon": -0.1}, DeclarationError, "epsilon must be finite and positive"),
-        ({"tolerance": 1e-20}, DeclarationError, "tolerance is a number from 1e-14"),
-        ({"tolerance": float("nan")}, DeclarationError, "tolerance is a number from 1e-14"),
+        ({"region": {"x": (0, 1)}}, "no interval for y"),
+        ({"tolerance": 1e-20}, "tolerance is a number from 1e-14"),
     ],
 )
-def test_a_wrong_call_raises(change, error, words) -> None:
+def test_a_wrong_call_raises(change, words) -> None:
     arguments = {"region": {"y": (0, 1)}, "epsilon": 0.05, **change}
-    with pytest.raises(error, match=words):
+    with pytest.raises(DeclarationError, match=words):
         solve_manifold(branch_of(LINEAR), **arguments)
 
 
 def test_a_wrong_branch_raises() -> None:
-    with pytest.raises(DeclarationError, match="takes a Branch"):
-        solve_manifold(LINEAR, region={"y": (0, 1)}, epsilon=0.05)  # pyright: ignore[reportArgumentType]
     with pytest.raises(BranchError, match="has 3 points over the centre"):
         solve_manifold(branch_of(systems.van_der_pol()), region={"y": (-0.1, 0.2)}, epsilon=0.05)
     symbols = sp.symbols("q1:5")

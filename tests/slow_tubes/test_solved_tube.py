@@ -20,7 +20,6 @@ from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow_tubes.certify import certify
 from gsp.slow_tubes.series_function import SeriesFunction
 from gsp.slow_tubes.solved_flow import SolvedFlow
-from tests.cases import thinned
 from tests.slow_tubes.test_slow_tube import epsilon, michaelis_menten, s, saddle, x, y
 
 z = sp.Symbol("z")
@@ -92,7 +91,7 @@ def test_the_tube_holds_the_manifold_and_is_hardly_wider() -> None:
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6, 1e-3])
-@pytest.mark.parametrize("place", thinned([0, 3, 9], 3))
+@pytest.mark.parametrize("place", [0, 3, 9])
 def test_a_wrong_interpolant_has_a_tube_that_holds_the_manifold_or_none(size: float, place: int) -> None:
     right = forced()
     surface = right.surface
@@ -122,7 +121,7 @@ def test_michaelis_menten_at_a_tenth_to_rounding() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("value", thinned([0.1, 0.01], 2))
+@pytest.mark.parametrize("value", [0.1, 0.01])
 def test_an_implicit_branch(value: float) -> None:
     tube = certify(van_der_pol(value), region={"x": (-0.4, 2.0)})
     assert tube.verdict is ProofVerdict.PROVED
@@ -132,7 +131,7 @@ def test_an_implicit_branch(value: float) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("value", thinned([0.01, 0.002], 2))
+@pytest.mark.parametrize("value", [0.01, 0.002])
 def test_a_field_with_functions_of_the_fast_variable(value: float) -> None:
     tube = certify(morris_lecar(value), region={"n": (0.1875, 0.5)})
     assert tube.verdict is ProofVerdict.PROVED
@@ -180,8 +179,6 @@ def test_what_is_asked_wrongly_is_refused() -> None:
         certify(manifold, region={"x": (0, 3)}, epsilon=0.1)
     with pytest.raises(DeclarationError, match="solved over"):
         certify(manifold, region={"x": (0, 4)})
-    with pytest.raises(DeclarationError, match="no state"):
-        certify(manifold, region={})
     with pytest.raises(DeclarationError, match="has none"):
         certify(replace(manifold, surface=None), region={"x": (0, 3)})
     with pytest.raises(UnsupportedFunctionError, match="erf"):
@@ -209,7 +206,8 @@ def test_a_spent_budget_and_an_interruption_are_said(monkeypatch: pytest.MonkeyP
 # -- what it is made of: held by inclusion ------------------------------------------------------
 
 
-def residuals_are_held(cases: int) -> None:
+@pytest.mark.exhaustive
+def test_residuals_are_held_and_sharp() -> None:
     manifold = forced()
     surface = manifold.surface
     assert surface is not None
@@ -225,7 +223,7 @@ def residuals_are_held(cases: int) -> None:
     with flint.ctx.workprec(balls.PRECISION):
         flow = SolvedFlow(manifold, sp.eye(1))
     with mpmath.workprec(300):
-        for _ in range(cases):
+        for _ in range(60):
             centre = draw.uniform(0.0, 3.0)
             width = draw.choice([0.0, 1e-9, 1e-3, 0.05])
             first, last = max(0.0, centre - width), min(3.0, centre + width)
@@ -255,11 +253,6 @@ def test_rates_are_those_of_the_field_at_the_point_and_the_epsilon() -> None:
     assert float(found.mid()) == pytest.approx(
         1 + 7 / 8 + manifold.surface(np.array([[0.5]]))[0, 0] + 0.5, rel=1e-12
     )
-
-
-@pytest.mark.exhaustive
-def test_residuals_are_held_and_sharp() -> None:
-    residuals_are_held(60)
 
 
 SERIES = {

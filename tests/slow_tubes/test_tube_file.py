@@ -119,7 +119,6 @@ def of_cone(key: str, value: object) -> Callable[[dict], None]:
 
 
 MUTATIONS: dict[str, Callable[[dict], object]] = {
-    "another format": changed(["format"], "gsp slow manifold 0"),
     "a coefficient of the slow field": of_text("rates", 0, "1/2", "1/3"),
     "a sign of the slow field": of_text("rates", 0, "-z0", "z0"),
     "a coefficient of the fast field": of_text("equations", 0, "z0 + 1", "z0 + 2"),
