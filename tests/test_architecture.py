@@ -49,7 +49,6 @@ class Module:
     imports: frozenset[str]
     forbidden: tuple[str, ...]
     arguments: dict[str, int]
-    prose: tuple[int, ...]
     reached: frozenset[str]
     is_dynamic: bool
 
@@ -62,7 +61,6 @@ def read(path: Path) -> Module:
         imports(nodes),
         tuple(forbidden(nodes)),
         arguments(nodes),
-        tuple(decisions_on_prose(nodes)),
         reached(nodes, NAMES),
         any(map(is_dynamic, nodes)),
     )
@@ -310,89 +308,6 @@ def test_a_run_is_one_record_and_no_row_of_arguments() -> None:
         if name not in VERBS and count > MOST_ARGUMENTS
     ]
     assert long == []
-
-
-# Attributes and variables that hold sentences, and what takes a sentence apart.
-SENTENCES = {"message", "reason", "reasons", "why", "why_not", "note", "notes", "meaning", "remedy", "ended"}
-TAKING_APART = {
-    "startswith",
-    "endswith",
-    "removeprefix",
-    "removesuffix",
-    "partition",
-    "rpartition",
-    "find",
-    "index",
-}
-
-
-def decisions_on_prose(nodes: list[ast.AST]) -> list[int]:
-    """Lines where a sentence is compared, searched or sliced; what is only shown may be cut short at its end."""
-    caught = {node.name for node in nodes if isinstance(node, ast.ExceptHandler)}
-
-    def is_sentence(node: ast.AST) -> bool:
-        if isinstance(node, ast.Constant):
-            return isinstance(node.value, str) and " " in node.value.strip()
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "str":
-            return any(isinstance(a, ast.Name) and a.id in caught for a in node.args)
-        if isinstance(node, ast.Attribute) and node.attr == "args":
-            return isinstance(node.value, ast.Name) and node.value.id in caught
-        if isinstance(node, ast.Subscript):
-            return is_sentence(node.value)
-        name = node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", None)
-        return name in SENTENCES
-
-    found = []
-    for node in nodes:
-        if isinstance(node, ast.Compare):
-            words = isinstance(node.ops[0], (ast.In, ast.NotIn, ast.Eq, ast.NotEq))
-            # Whether there is a sentence at all is no question of its words.
-            operands = [node.left, *node.comparators]
-            empty = any(isinstance(o, ast.Constant) and not o.value for o in operands)
-            decides = words and not empty and any(map(is_sentence, operands))
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
-            called = node.func
-            by_pattern = isinstance(called.value, ast.Name) and called.value.id == "re"
-            decides = (called.attr in TAKING_APART and is_sentence(called.value)) or (
-                by_pattern and any(map(is_sentence, node.args[1:]))
-            )
-        elif isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice):
-            of_error = isinstance(node.value, ast.Call) and getattr(node.value.func, "id", "") == "str"
-            decides = node.slice.lower is not None and (of_error or is_sentence(node.value))
-        else:
-            decides = False
-        if decides:
-            found.append(node.lineno)
-    return found
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        'if "followed only" in note: pass',
-        'if any("followed only" in text for text in notes): pass',
-        'if kind.value == "transcritical point": pass',
-        "if candidate.why_not.startswith(END): pass",
-        "if why.startswith((GAP, END)): pass",
-        'fact, _, remedy = str(error).partition(". ")',
-        "if error.args[0] == given: pass",
-        "text = str(condition)[7:]",
-        'kind = re.match("a (.*) was", trajectory.message)',
-    ],
-)
-def test_a_decision_on_the_words_of_a_message_is_found(line: str) -> None:
-    source = f"try:\n    make()\nexcept ValueError as error:\n    {line}\n"
-    assert decisions_on_prose(list(ast.walk(ast.parse(source)))) == [4]
-
-
-def test_what_is_only_shown_is_no_decision() -> None:
-    shown = 'text = str(error)[:80] + " ".join(str(error).split())'
-    source = f'{shown}\nif run.message and run.note != "": show(run.message)'
-    assert decisions_on_prose(list(ast.walk(ast.parse(source)))) == []
-
-
-def test_nothing_decides_by_the_words_of_a_message() -> None:
-    assert {path.name: lines for _, path in modules() if (lines := read(path).prose)} == {}
 
 
 def test_no_public_function_has_the_name_of_a_module() -> None:

@@ -32,15 +32,21 @@ CUTTING = {
     *("startswith", "endswith", "split", "rsplit", "partition", "rpartition", "splitlines", "find", "rfind"),
     *("index", "rindex", "count", "removeprefix", "removesuffix", "strip", "lstrip", "rstrip", "replace"),
 }
-TEXTS = {"message", "reason", "fact", "remedy", "meaning"}
+# Attributes and variables that hold sentences.
+TEXTS = {"message", "reason", "fact", "remedy", "meaning", "note", "why", "why_not"}
 # Where text is made of fields in the first place.
 MAKING = {"errors.py"}
+
+
+def is_sentence(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value.strip()
 
 
 def is_told(node: ast.AST, told: set[str], caught: set[str]) -> bool:
     """Whether a node is the text of an exception, a status or a reason."""
     if isinstance(node, ast.Name):
-        return node.id in told
+        # A meaning by itself is a mapping from names to symbols.
+        return node.id in told or node.id in TEXTS - {"meaning"}
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("str", "repr"):
         return bool(node.args) and isinstance(node.args[0], ast.Name) and node.args[0].id in caught
     if isinstance(node, ast.JoinedStr):
@@ -55,7 +61,10 @@ def is_told(node: ast.AST, told: set[str], caught: set[str]) -> bool:
 
 
 def taken_apart(source: str) -> list[int]:
-    """Lines of a module in which the text of an exception, a status or a reason is searched, compared or cut."""
+    """Lines of a module in which the text of an exception, a status or a reason is searched, compared or cut.
+
+    What is only shown may be cut short at its end.
+    """
     nodes = list(ast.walk(ast.parse(source)))
     caught = {node.name for node in nodes if isinstance(node, ast.ExceptHandler) and node.name}
     told: set[str] = set()
@@ -67,14 +76,17 @@ def taken_apart(source: str) -> list[int]:
         looked: list[ast.expr] = []
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             is_pattern = isinstance(node.func.value, ast.Name) and node.func.value.id == "re"
-            looked = list(node.args) if is_pattern else [node.func.value] * (node.func.attr in CUTTING)
+            looked = node.args[1:] if is_pattern else [node.func.value] * (node.func.attr in CUTTING)
         elif isinstance(node, ast.Subscript):
-            looked = [node.value]
+            is_end = isinstance(node.slice, ast.Slice) and node.slice.lower is None
+            looked = [] if is_end else [node.value]
         elif isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
             # Whether there is a text at all may be asked.
             asks = any(isinstance(side, ast.Constant) and side.value in ("", None) for side in sides)
             looked = [] if asks else sides
+            if isinstance(node.ops[0], (ast.In, ast.NotIn, ast.Eq, ast.NotEq)) and any(map(is_sentence, sides)):
+                found.append(node.lineno)
         if any(is_told(part, told, caught) for part in looked):
             found.append(node.lineno)
     return sorted(set(found))
@@ -85,13 +97,18 @@ def taken_apart(source: str) -> list[int]:
     [
         "x = str(error).split('. ')[0]",
         "x = 'fold' in str(error)",
-        "x = str(error)[:3]",
+        "x = str(error)[3:]",
         "x = error.args[0].startswith('no')",
         "x = run.message.startswith('no')",
         "x = re.match('a', str(error))",
         "x = f'{error}'.partition(':')",
         "x = status.meaning == 'a fold'",
         "text = str(error); x = text.split()",
+        "x = 'followed only' in note",
+        "x = any('followed only' in text for text in notes)",
+        "x = kind.value == 'transcritical point'",
+        "x = candidate.why_not.startswith(END)",
+        "x = why.startswith((GAP, END))",
     ],
 )
 def test_text_that_is_taken_apart_is_found(line: str) -> None:
@@ -99,7 +116,14 @@ def test_text_that_is_taken_apart_is_found(line: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["raise KeyError(str(error))", "x = error.reason", "x = f'so: {error}'", "x = reason == ''"]
+    "line",
+    [
+        "raise KeyError(str(error))",
+        "x = error.reason",
+        "x = f'so: {error}'",
+        "x = reason == ''",
+        "x = str(error)[:80]",
+    ],
 )
 def test_text_that_is_handed_on_is_not(line: str) -> None:
     assert not taken_apart(f"try:\n    pass\nexcept ValueError as error:\n    {line}")
