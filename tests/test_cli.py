@@ -104,6 +104,7 @@ def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, 
     [
         (("check", "chaplygin_slay"), 'Did you mean "chaplygin_sleigh"'),
         (("check", "missing.toml"), "no such file"),
+        (("check", "a" * 300), 'gsp: there is no scene "aaa'),
         (("expand", "linear", "--order", "-1"), "non-negative integer"),
         (("report", "linear", "-o", "/proc/nowhere"), "/proc/nowhere"),
         (("expand", "linear", "--order", "three"), "not a valid integer"),
@@ -407,28 +408,15 @@ def test_a_command_ends_without_a_look_for_cycles() -> None:
 
 def test_a_command_looks_for_cycles_a_hundredth_as_often_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
     before = gc.get_threshold()
-    monkeypatch.setattr(sys, "argv", ["gsp", "--version"])
     try:
-        with pytest.raises(SystemExit):
-            main()
+        exit_status(monkeypatch, "--version")
         assert gc.get_threshold()[0] >= 100 * 700
     finally:
         gc.set_threshold(*before)
 
 
-def test_a_model_name_longer_than_a_file_name_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(sys, "argv", ["gsp", "check", "a" * 300])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    assert capsys.readouterr().err.startswith('gsp: there is no scene "aaa')
-
-
 def test_wrong_options_are_shown_without_control_characters(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(sys, "argv", ["gsp", "check", "--\x1b[31m\ngsp: proved", "linear"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
+    assert exit_status(monkeypatch, "check", "--\x1b[31m\ngsp: proved", "linear") == 2
     told = capsys.readouterr().err
     assert "\x1b" not in told
     assert not any(line.startswith("gsp: proved") for line in told.splitlines())
@@ -436,36 +424,31 @@ def test_wrong_options_are_shown_without_control_characters(monkeypatch: pytest.
     assert "Error: No such option" in told
 
 
-def test_ctrl_c_while_modules_are_imported_shows_no_traceback() -> None:
+def interrupted(module: str, *lines: str) -> subprocess.CompletedProcess:
+    """A process of these lines in which Ctrl-C is pressed where `module` is looked for."""
     script = (
-        "import sys\n"
-        "class Interrupting:\n"
-        "    def find_spec(self, name, path, target=None):\n"
-        "        if name == 'gsp.cli.program': raise KeyboardInterrupt\n"
-        "sys.meta_path.insert(0, Interrupting())\n"
-        "from gsp.cli import main\n"
-        "main()\n"
+        "import sys",
+        "class Interrupting:",
+        "    def find_spec(self, name, path, target=None):",
+        f"        if name == {module!r}: raise KeyboardInterrupt",
+        "sys.meta_path.insert(0, Interrupting())",
+        *lines,
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-c", "\n".join(script)], capture_output=True, text=True, check=False
+    )
+
+
+def test_ctrl_c_while_modules_are_imported_shows_no_traceback() -> None:
+    done = interrupted("gsp.cli.program", "from gsp.cli import main", "main()")
     assert (done.returncode, done.stderr) == (130, "gsp: interrupted; nothing was written\n")
 
 
 @pytest.mark.parametrize(("program", "ends"), [("-m", 130), ("/usr/bin/gsp", 130), ("own.py", None)])
 def test_ctrl_c_while_the_package_is_imported_is_told_by_the_command_line_alone(program: str, ends) -> None:
     # `python -m gsp` and the script `gsp` import the package before any of its functions is called.
-    script = (
-        "import sys\n"
-        f"sys.argv = [{program!r}, 'models']\n"
-        "class Interrupting:\n"
-        "    def find_spec(self, name, path, target=None):\n"
-        "        if name == 'lazy_loader': raise KeyboardInterrupt\n"
-        "sys.meta_path.insert(0, Interrupting())\n"
-        "try:\n"
-        "    import gsp\n"
-        "except KeyboardInterrupt:\n"
-        "    print('still its own')\n"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    asked = ("try:", "    import gsp", "except KeyboardInterrupt:", "    print('still its own')")
+    done = interrupted("lazy_loader", f"sys.argv = [{program!r}, 'models']", *asked)
     told = "" if ends is None else "gsp: interrupted; nothing was written\n"
     assert (done.returncode, done.stderr) == (ends or 0, told)
     assert done.stdout == ("still its own\n" if ends is None else "")

@@ -14,20 +14,17 @@ from gsp.choice import candidates
 from gsp.choice.prediction import Failure, Prediction
 from gsp.comparison.compared_runs import CHECK, ROUNDING, largest_error
 from gsp.comparison.comparison import compare
-from gsp.critical.critical_manifold import solve_critical
 from gsp.demos import rodas5p_tableau as rodas
 from gsp.errors import ModelFileError, Status
 from gsp.integration.events import Event, compile_events
-from gsp.integration.restriction import restrict
 from gsp.kernels import integrator, radau, step_control
 from gsp.readers.expressions import parse_expression
 from gsp.readers.nodes import CONSTANTS
 from gsp.readers.toml_values import symbols_of
 from gsp.report import folder as reports
 from gsp.results.mathml import operator
-from gsp.slow.series import expand
 from gsp.slow.truncation import AHEAD
-from gsp.systems.system import SlowFastSystem, VectorField
+from gsp.systems.system import VectorField
 
 x, y, q, epsilon = sp.symbols("x y q epsilon")
 SYMBOLS = {"x": x}
@@ -326,27 +323,3 @@ def test_the_weights_of_increment_8_in_the_dense_output_are_those_of_the_paper()
     assert [rodas.DENSE[0, 7], rodas.DENSE[1, 7] + rodas.DENSE[2, 7], -rodas.DENSE[2, 7]] == pytest.approx(
         published, rel=1e-14
     )
-
-
-# -- what makes two reduced flows one --------------------------------------------------------------
-
-
-def reduced(slow, fast, order: int, **options):
-    system = SlowFastSystem(slow={x: slow}, fast={y: fast}, epsilon=epsilon, **options)
-    return restrict(expand(solve_critical(system).branches[0], order=2), order=order)
-
-
-def test_reduced_flows_of_other_orders_differ_though_nothing_else_does() -> None:
-    one, two = reduced(-x, -y, 1), reduced(-x, -y, 2)
-    assert one.rates == two.rates
-    assert one.observables == two.observables
-    assert one != two
-    assert one == reduced(-x, -y, 1)
-    assert hash(one) == hash(reduced(-x, -y, 1))
-
-
-def test_reduced_flows_with_other_observables_differ_though_nothing_else_does() -> None:
-    one = reduced(-x, x - y, 1, observables={q: x})
-    other = reduced(-x, x - y, 1, observables={q: 2 * x})
-    assert one.rates == other.rates
-    assert one != other
