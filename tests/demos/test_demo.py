@@ -14,13 +14,10 @@ import gsp
 from gsp import models
 from gsp.demos import demo as demos
 from gsp.demos.page import embedded
-from gsp.errors import DeclarationError, OutputError
+from gsp.errors import OutputError
 from gsp.results.mathml import parts_of_name
 from gsp.slow import truncation
-from tests.cases import sampled
 
-ALWAYS = ("chaplygin_sleigh", "van_der_pol", "michaelis_menten", "koper")
-SCENES = sampled(models.names(), always=ALWAYS)
 # A file as large as this loads at once from anywhere.
 LARGEST = 300_000
 HOSTILE = """
@@ -130,7 +127,7 @@ def settings(scene: gsp.Scene, count: int) -> list[dict]:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", models.names())
 def test_full_runs_agree_with_python(name: str, opened) -> None:
     scene = models.load(name)
     page = opened(name)
@@ -157,7 +154,7 @@ def test_full_runs_agree_with_python(name: str, opened) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", models.names())
 def test_the_series_agrees_with_python_at_other_parameters_too(name: str, opened) -> None:
     scene = models.load(name)
     page = opened(name)
@@ -231,7 +228,7 @@ def test_reduced_runs_agree_with_python(name: str, opened) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", models.names())
 def test_a_page_draws_itself_and_asks_for_nothing(name: str, opened) -> None:
     page = opened(name)
     assert page.inked("plane") > 2000
@@ -783,8 +780,6 @@ def test_a_demo_is_saved_whole_or_not_at_all(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
     with pytest.raises(OutputError):
         gsp.write_demo(models.load("linear"), tmp_path / "nowhere" / "page.html")
-    with pytest.raises(DeclarationError, match="path"):
-        gsp.write_demo(models.load("linear"), 3)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_scene_that_was_changed_is_not_told_another_ones_story() -> None:

@@ -12,7 +12,7 @@ import gsp
 from gsp import models
 from gsp.cli import cli
 from gsp.demos.prose import markup
-from gsp.errors import DeclarationError, ModelFileError
+from gsp.errors import ModelFileError
 
 DOCS = Path(__file__).parents[2] / "docs" / "stories.md"
 MODEL, STORY = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)[:2]
@@ -118,8 +118,6 @@ def test_near_needs_a_body(cart, tmp_path) -> None:
 def test_a_story_that_is_no_file_is_refused(cart, tmp_path) -> None:
     with pytest.raises(ModelFileError, match="there is no such file"):
         gsp.demo(cart, story=tmp_path / "nothing.toml")
-    with pytest.raises(DeclarationError, match="story is the name of a file"):
-        gsp.demo(cart, story=3)  # pyright: ignore[reportArgumentType]
 
 
 def test_words_of_a_story_are_escaped_and_its_formulas_set() -> None:

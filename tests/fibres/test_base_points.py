@@ -22,7 +22,6 @@ from gsp.slow.series import expand
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
-from tests.cases import thinned
 from tests.example_systems import epsilon, x, y, z
 from tests.literature import FOLDER
 
@@ -109,7 +108,7 @@ CASES = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(("branch", "start", "ladder"), thinned(CASES.values(), 2), ids=CASES)
+@pytest.mark.parametrize(("branch", "start", "ladder"), CASES.values(), ids=CASES)
 def test_series_and_backward_shadowing_agree_through_every_order(branch, start, ladder) -> None:
     shadows = [project(branch, start, epsilon=e, numeric=True) for e in ladder]
     floor = [max(s.error, 1e-15) for s in shadows]
@@ -197,7 +196,7 @@ def moved(name: str) -> Scene:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("correction", thinned([0, 1, 2, 3], 3))
+@pytest.mark.parametrize("correction", [0, 1, 2, 3])
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "michaelis_menten"])
 def test_the_slope_is_the_smaller_of_order_and_correction_plus_one(name: str, correction: int) -> None:
     comparison = compare(moved(name), orders=(0, 1, 2, 3), correction=correction)
@@ -238,8 +237,6 @@ def test_a_correction_keeps_its_word_about_claims_and_the_card() -> None:
 
 
 def test_wrong_corrections_are_named() -> None:
-    with pytest.raises(DeclarationError, match="non-negative integer"):
-        compare(moved("michaelis_menten"), correction=-1)
     with pytest.raises(DeclarationError, match="more than half of the span"):
         compare(replace(moved("michaelis_menten"), span=(0, 0.5)), correction=1)
 
@@ -321,11 +318,7 @@ def test_a_stiff_layer_is_resolved() -> None:
     [
         ({"start": {"s": 1}}, "gives no value for c"),
         ({"start": {"s": 1, "c": 0, "q": 1}}, 'names "q"'),
-        ({"start": {"s": 1, "c": float("nan")}}, "finite"),
-        ({"order": -1}, "non-negative integer"),
-        ({"order": True}, "non-negative integer"),
         ({"order": 1, "numeric": True}, "has no order"),
-        ({"epsilon": 0}, "positive"),
         ({"start": {"s": -1, "c": 0}}, "singular over the start"),
     ],
 )
@@ -333,8 +326,6 @@ def test_bad_calls_are_named(arguments, message) -> None:
     call = {"start": {"s": 1, "c": 0}, "epsilon": 0.1} | arguments
     with pytest.raises(GspError, match=message):
         project(ENZYME, call.pop("start"), **call)
-    with pytest.raises(DeclarationError, match="project takes"):
-        project(systems.sleigh(), SLIDING, epsilon=0.1)
 
 
 @pytest.mark.exhaustive

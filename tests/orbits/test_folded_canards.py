@@ -226,10 +226,10 @@ def test_a_secondary_canard_is_not_called_weak_where_the_curves_end_before_that(
     ("end", "mixing", "small", "strong"),
     [
         (sp.Rational(-1, 2), "3/20", 0.003, 0.0035540816),
-        pytest.param(sp.Rational(3, 2), "3/20", 0.003, -0.0011773654, marks=pytest.mark.exhaustive),
-        pytest.param(sp.Rational(1, 2), "1/8", 0.003, -0.0033986772, marks=pytest.mark.exhaustive),
-        pytest.param(sp.Rational(-1, 5), "1/8", 0.003, 0.0089099535, marks=pytest.mark.exhaustive),
-        pytest.param(sp.Rational(4, 5), "1/8", 0.01, -0.0070982743, marks=pytest.mark.exhaustive),
+        (sp.Rational(3, 2), "3/20", 0.003, -0.0011773654),
+        (sp.Rational(1, 2), "1/8", 0.003, -0.0033986772),
+        (sp.Rational(-1, 5), "1/8", 0.003, 0.0089099535),
+        (sp.Rational(4, 5), "1/8", 0.01, -0.0070982743),
     ],
 )
 def test_where_another_folded_point_bounds_the_funnel_the_strong_canard_is_named_once_and_no_other_is_claimed(
@@ -458,17 +458,11 @@ def test_sections_and_lines_that_do_not_fit_are_named(koper: gsp.CanardOrbits) -
         gsp.folded_canards(singularity, epsilon=0.01, section={"x": 1.0})
     with pytest.raises(CanardOrbitError, match="does not cross the line x = -3"):
         gsp.folded_canards(singularity, epsilon=0.01, attracting={"x": -3})
-    with pytest.raises(gsp.GspError, match="takes a FoldedSingularity"):
-        gsp.folded_canards("koper", epsilon=0.01)  # pyright: ignore[reportArgumentType]
-    with pytest.raises(gsp.GspError, match="must be finite and positive"):
-        gsp.folded_canards(singularity, epsilon=-0.01)
 
 
 def test_bounds_that_do_not_hold_the_canard_are_named(koper: gsp.CanardOrbits) -> None:
     with pytest.raises(gsp.GspError, match=r"enclose the canard\'s own epsilon = 0\.01"):
         gsp.follow_canard(koper["gamma_0"], epsilon=(0.02, 0.03))
-    with pytest.raises(gsp.GspError, match="pair"):
-        gsp.follow_canard(koper["gamma_0"], epsilon=0.02)  # pyright: ignore[reportArgumentType]
     with pytest.raises(gsp.GspError, match="there is no canard 'xi_9' here"):
         koper["xi_9"]
 

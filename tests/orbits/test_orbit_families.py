@@ -10,7 +10,6 @@ import gsp
 from gsp import charts
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.orbits.periodic.family import CycleKind
-from tests.cases import thinned
 
 x, y, z, w, a, mu, eps = sp.symbols("x y z w a mu epsilon")
 SQUARE = x**2 + y**2
@@ -201,7 +200,7 @@ def test_van_der_pols_explosion_from_the_hopf_point_to_relaxation(explosion) -> 
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(("epsilon", "accuracy"), thinned([(0.1, 2e-5), (0.05, 2e-9)], 2))
+@pytest.mark.parametrize(("epsilon", "accuracy"), [(0.1, 2e-5), (0.05, 2e-9)])
 def test_explosions_where_the_series_has_fewer_digits(epsilon: float, accuracy: float) -> None:
     family = gsp.continue_orbits(hopf(epsilon), bounds=(0.9, 1.1))
     (found,) = family.explosions
@@ -311,10 +310,7 @@ def test_a_family_reads_by_name(explosion) -> None:
         ({"bounds": (1.2, 1.1)}, "reversed"),
         ({"bounds": (0.2, 0.5)}, "outside the bounds"),
         ({"parameter": "b"}, "no parameter 'b'. The parameters are a"),
-        ({"direction": 0}, "direction"),
-        ({"step": -1}, "step is a positive number"),
         ({"max_points": 1}, "max_points"),
-        ({"tolerance": 0}, "tolerance"),
     ],
 )
 def test_wrong_calls_say_what_is_wrong(options, said: str) -> None:
@@ -329,8 +325,6 @@ def test_an_orbit_needs_the_name_of_the_parameter_and_a_status_of_success() -> N
     coarse = gsp.periodic_orbit(van_der_pol(0), start={"x": 2, "y": 0}, epsilon=0.01, max_intervals=20)
     with pytest.raises(DeclarationError, match="MESH_LIMIT"):
         gsp.continue_orbits(coarse, parameter="a", bounds=(-1, 1))
-    with pytest.raises(DeclarationError, match="takes a PeriodicOrbit or a HopfPoint"):
-        gsp.continue_orbits("a", bounds=(0, 1))  # pyright: ignore[reportArgumentType]
 
 
 def test_cycles_around_a_centre_are_a_family_at_one_value() -> None:

@@ -14,7 +14,6 @@ from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.periodic.collocation import Cycle, OrbitProblem, gauss
 from gsp.orbits.periodic.finding import ISOLATED, isolation_of
 from gsp.orbits.periodic.floquet import multipliers
-from gsp.orbits.periodic.mesh import interval_errors
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.orbits.periodic.settling import OrbitError
@@ -69,13 +68,6 @@ def test_the_error_falls_as_h_to_the_degree_plus_one_and_twice_the_degree_at_mes
         # The finest pair above rounding.
         above = [error for error in errors if error > 2e-13]
         assert math.log2(above[-2] / above[-1]) == pytest.approx(order, abs=0.3), errors
-
-
-@pytest.mark.parametrize("degree", [3, 4, 6])
-def test_the_estimated_error_is_the_error_within_a_factor_of_two(degree: int) -> None:
-    cycle = on_uniform_mesh(degree, 30)
-    true = radius_error(cycle.at(np.linspace(0, 1, 5000, endpoint=False)).T)
-    assert 0.5 < interval_errors(cycle, np.ones(2)).max() / true < 2
 
 
 @pytest.mark.exhaustive
@@ -423,12 +415,8 @@ def test_a_period_that_is_far_off_does_not_converge_and_says_so() -> None:
     [
         ({"start": {"x": 1, "q": 0}}, 'names "q"'),
         ({"epsilon": None}, "depends on epsilon"),
-        ({"epsilon": -1}, "positive"),
-        ({"period": -1}, "period is a positive number"),
-        ({"period": "long"}, "period is a positive number"),
         ({"tolerance": 1e-20}, "tolerance is a share"),
         ({"degree": 1}, "degree is a whole number"),
-        ({"max_intervals": 2.5}, "max_intervals is a whole number"),
         ({"max_steps": 0}, "max_steps"),
     ],
 )

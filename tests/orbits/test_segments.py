@@ -17,7 +17,6 @@ from gsp.orbits.canard_orbits.folded_canards import _Finder
 from gsp.orbits.canard_orbits.frame import Plane
 from gsp.orbits.periodic import finding
 from gsp.orbits.periodic.collocation import OrbitProblem
-from gsp.orbits.periodic.explosion import ROWS, explosions
 from gsp.systems.system import SlowFastSystem
 
 X, Y = sp.symbols("x y")
@@ -62,23 +61,6 @@ def test_the_free_parameter_stands_where_the_field_looks_for_it() -> None:
     p = parameter_vector(system, 0.125)
     for symbol, value in ((epsilon, 0.125), (a, 2.0), (b, 3.0), (c, 5.0)):
         assert p[OrbitProblem(system, p, symbol).place] == value
-
-
-def test_an_explosion_has_so_many_rows_at_least() -> None:
-    def found(rows: int):
-        # A slow rise, then `rows` rows whose parameters hardly differ, then a slow rise.
-        values = np.concatenate(
-            [np.linspace(0.0, 1.0, 20), 1.0 + 1e-9 * np.arange(1, rows), np.linspace(1.1, 2.0, 20)]
-        )
-        amplitudes = np.concatenate(
-            [np.linspace(0.1, 0.11, 20), np.linspace(0.2, 0.9, rows - 1), np.linspace(0.91, 1.0, 20)]
-        )
-        return explosions(values, amplitudes[None, :])
-
-    (explosion,) = found(ROWS)
-    assert explosion.last - explosion.first + 1 == ROWS
-    assert explosion.value == pytest.approx(1.0)
-    assert found(ROWS - 1) == ()
 
 
 UNEVEN = {X: X * (1 - X**2 - Y**2) - Y * (1 + X / 2), Y: Y * (1 - X**2 - Y**2) + X * (1 + X / 2)}

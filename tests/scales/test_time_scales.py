@@ -236,8 +236,6 @@ def test_many_states_are_looked_at_less_often(monkeypatch: pytest.MonkeyPatch) -
 def test_wrong_calls_are_refused() -> None:
     with pytest.raises(DeclarationError, match="start is missing"):
         time_scales(linear(), span=(0, 1))
-    with pytest.raises(DeclarationError, match="rtol"):
-        time_scales(linear(), start={"x": 1, "y": 0}, span=(0, 1), rtol=0)
 
 
 def test_a_run_that_ends_early_is_told() -> None:

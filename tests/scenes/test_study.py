@@ -236,11 +236,6 @@ def test_a_study_tells_what_it_knows() -> None:
     assert "series 1" in str(whole)
 
 
-def test_what_is_no_scene_is_refused() -> None:
-    with pytest.raises(DeclarationError, match=r"study takes a Scene\. Got"):
-        gsp.study(models.load("michaelis_menten").system)  # pyright: ignore[reportArgumentType]
-
-
 @pytest.mark.exhaustive
 def test_a_start_off_a_sheet_that_repels_is_reduced_to_the_sheet_where_its_layer_settles() -> None:
     """y' = y - y^3 + x/10 from y = 0.15: y = 0 is nearest and repels, and the run goes to y = 1."""

@@ -28,7 +28,7 @@ from gsp.sweeps.plan_file import read_plan_file
 from gsp.sweeps.store import Store
 from gsp.sweeps.sweep import Sweep, resume, sweep
 from tests.sweeps.kills import disturb, finish
-from tests.sweeps.work import contents, counted, deadly, hanging, long_record, of_scene, slow_wave, wave
+from tests.sweeps.work import contents, counted, deadly, hanging, long_record, of_scene, wave
 
 AXES = {"x": np.linspace(0.0, 3.0, 13), "k": (-2.0, 0.5, 7.0)}
 
@@ -525,10 +525,6 @@ def test_processes_that_cannot_start_are_named(tmp_path: Path, monkeypatch: pyte
 
 def _die(numbers: object) -> None:
     os._exit(1)
-
-
-def test_slow_waves_are_waves() -> None:
-    assert slow_wave(1.0, 2.0) == wave(1.0, 2.0)
 
 
 def test_the_name_of_0_2_0_still_works_and_warns(tmp_path: Path) -> None:
