@@ -74,7 +74,6 @@ COUNT = kind()
 LIMIT = kind("10**400", "10**5000")
 FLAG = kind("True", "a NumPy bool")
 CALLABLE = kind("a class", "a function")
-ANYTHING = kind(*WRONG)
 SIGN = kind("-1")
 # A name is text, but this one is nobody's.
 NAME = kind()

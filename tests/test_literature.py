@@ -23,7 +23,6 @@ from gsp.errors import BudgetError, Status
 from gsp.scenes.study import study_of
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
-from tests.cases import sampled
 from tests.literature import FOLDER, VERBS, Ending, systems, tasks
 
 # Slow coordinates of the files that give a raw field: what each raw state is in new ones, slow ones by their
@@ -234,7 +233,7 @@ KNOWN_FOLDS = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", sampled(KNOWN_FOLDS, always=list(KNOWN_FOLDS)[::4]))
+@pytest.mark.parametrize("name", KNOWN_FOLDS)
 def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
     scanned = folds_by_scanning(name)
     if KNOWN_FOLDS[name] is not None:

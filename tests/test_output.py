@@ -16,7 +16,6 @@ from gsp.cli import program as command
 from gsp.errors import ModelFileError, OutputError, printable
 from gsp.results.files import write_file, write_rows
 from tests.analyses import analysis_of
-from tests.cases import sampled, thinned
 
 MODEL = """
 title = {title}
@@ -112,9 +111,7 @@ def test_a_full_device_is_an_output_error():
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("kind", "begin"), thinned([("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")], 2)
-)
+@pytest.mark.parametrize(("kind", "begin"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_a_chart_is_written_as_its_ending_says(kind, begin, tmp_path):
     from gsp import charts
 
@@ -130,9 +127,7 @@ def test_a_chart_is_written_as_its_ending_says(kind, begin, tmp_path):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "key", sampled(["\\u001b[31mred", "\\u0000", "\\u202eabc", "a\\u0007"], always=["\\u001b[31mred"])
-)
+@pytest.mark.parametrize("key", ["\\u001b[31mred", "\\u0000", "\\u202eabc", "a\\u0007"])
 def test_an_unknown_key_reaches_no_terminal(key, tmp_path):
     file = tmp_path / "model.toml"
     file.write_text(MODEL.format(title='"x"', more=f'"{key}" = 1'))

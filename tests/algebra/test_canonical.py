@@ -8,7 +8,6 @@ import pytest
 import sympy as sp
 
 from gsp.algebra.canonical import function_of, new_parts, product_of, sum_of
-from tests.cases import thinned
 
 A, S, X, Z = sp.symbols("a s x10 z")
 REAL, POSITIVE = sp.symbols("r p", real=True), sp.Symbol("q", positive=True)
@@ -63,7 +62,7 @@ def test_sums_and_products_are_those_of_sympy() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("function", thinned(FUNCTIONS, 2))
+@pytest.mark.parametrize("function", FUNCTIONS)
 def test_functions_are_those_of_sympy(function: type[sp.Function]) -> None:
     parts, chance = [u for u in pool() if u.is_commutative], random.Random(11)
     linear = [

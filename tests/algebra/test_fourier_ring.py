@@ -8,7 +8,6 @@ import sympy as sp
 from gsp.algebra.fourier_ring import FourierRing
 from gsp.algebra.ring import read
 from gsp.errors import UnsupportedFunctionError
-from tests.cases import thinned
 
 x, y, theta = sp.symbols("x y theta", real=True)
 WAVES = [
@@ -21,7 +20,7 @@ WAVES = [
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("wave", thinned(WAVES, 3))
+@pytest.mark.parametrize("wave", WAVES)
 def test_mean_and_harmonics_are_those_of_integrals(wave: sp.Expr) -> None:
     ring = FourierRing([x, y], functions=True)
     element = read(ring.harmonics_of(wave, theta), ring, {})

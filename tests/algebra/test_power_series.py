@@ -6,7 +6,6 @@ import sympy as sp
 from gsp.algebra.functions import RULES
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import LocalisedRing, read
-from tests.cases import thinned
 
 x, y, a, eps = sp.symbols("x y a epsilon")
 ORDER = 4
@@ -33,7 +32,7 @@ def check(expression: sp.Expr, inner: sp.Expr) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(sorted(set(RULES) - {"sign"}), 2))
+@pytest.mark.parametrize("name", sorted(set(RULES) - {"sign"}))
 def test_functions_of_a_series_have_the_taylor_coefficients_that_sympy_finds(name: str) -> None:
     function = getattr(sp, name)
     inner = {"acosh": 2 + x, "asin": x / 2, "acos": x / 2, "atanh": x / 2}.get(name, 1 + x) + eps * x - eps**2
@@ -43,19 +42,16 @@ def test_functions_of_a_series_have_the_taylor_coefficients_that_sympy_finds(nam
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "expression",
-    thinned(
-        [
-            y**5 - a * y * eps,
-            1 / (1 + y + eps * x) ** 2,
-            y ** sp.Rational(3, 2),
-            y ** sp.Rational(-1, 3),
-            y**a,
-            (1 + eps * y) ** y,
-            sp.exp(sp.sin(y)) * x,
-            (x + eps) / (y - eps / (1 + eps)),
-        ],
-        2,
-    ),
+    [
+        y**5 - a * y * eps,
+        1 / (1 + y + eps * x) ** 2,
+        y ** sp.Rational(3, 2),
+        y ** sp.Rational(-1, 3),
+        y**a,
+        (1 + eps * y) ** y,
+        sp.exp(sp.sin(y)) * x,
+        (x + eps) / (y - eps / (1 + eps)),
+    ],
 )
 def test_powers_quotients_and_compositions_have_the_right_coefficients(expression: sp.Expr) -> None:
     check(expression, 1 + x + eps * (x - 2) + 3 * eps**2)

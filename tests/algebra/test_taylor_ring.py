@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import flint
 import pytest
 import sympy as sp
@@ -13,7 +11,6 @@ from gsp.algebra.functions import RULES
 from gsp.algebra.polynomials import rational
 from gsp.algebra.taylor_ring import Algebraic, Balls, Inexact, Rationals, Taylor, TaylorRing, midpoint_sum
 from gsp.errors import HyperbolicityError
-from tests.cases import thinned
 
 t = sp.Symbol("t")
 LENGTH = 5
@@ -103,7 +100,8 @@ def test_a_series_knows_how_many_of_its_coefficients_are_right(kind: str) -> Non
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(("name", "kind"), thinned(product(sorted(set(RULES) - {"sign"}), KINDS), 2))
+@pytest.mark.parametrize("name", sorted(set(RULES) - {"sign"}))
+@pytest.mark.parametrize("kind", KINDS)
 def test_functions_have_the_coefficients_that_differentiation_gives(kind: str, name: str) -> None:
     start = {"log": 1, "sqrt": sp.Rational(9, 4), "acosh": 2}.get(name, 0)
     ring = TaylorRing(KINDS[kind], LENGTH)

@@ -113,8 +113,6 @@ def assert_honest(asked: Scene, orders=(0, 1, 2, 3)) -> None:
         assert measured[n] >= LEAST_SHARE * predicted[n] - ROUNDING, n
 
 
-# A raw field, its physics, an exact reduction, chemistry, a surface with folds, and a curve of them.
-FEW = ("chaplygin_sleigh", "michaelis_menten", "koper", "van_der_pol")
 LONG = ("falling_disc", "car")
 
 

@@ -12,7 +12,6 @@ from gsp.demos.demo import stories
 from gsp.results.lettering import in_unicode
 from gsp.scenes.bearing import no_slip_of
 from gsp.scenes.settings import ask_again
-from tests.cases import sampled
 
 # What a lecturer reads aloud in one breath or two.
 LONGEST = 320
@@ -34,7 +33,7 @@ def test_a_step_is_read_aloud_in_a_breath_or_two(name: str) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh",)))
+@pytest.mark.parametrize("name", stories())
 def test_every_step_draws_itself(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
     count = page.run("return data.story.length")
@@ -282,7 +281,7 @@ OPERATIONS, POINTS = 3_500_000, 4_000
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", sampled(stories(), always=("koper",)))
+@pytest.mark.parametrize("name", stories())
 def test_a_redraw_takes_few_operations_wherever_the_sliders_stand(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
     page.measured()

@@ -18,7 +18,7 @@ from gsp.systems.system import SlowFastSystem
 from tests.cases import crossed
 from tests.example_systems import epsilon, x, y
 
-ONE, HALF = sp.Integer(1), sp.Rational(1, 2)
+ONE = sp.Integer(1)
 START = {"x": 0, "y": 1}
 
 

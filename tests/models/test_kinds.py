@@ -15,7 +15,6 @@ from scipy.integrate import solve_ivp
 
 import gsp
 from gsp.errors import ModelFileError
-from tests.cases import thinned
 
 FOLDER = Path(__file__).parent / "kinds"
 
@@ -156,7 +155,7 @@ def test_every_kind_has_an_outcome() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(RUN, 4))
+@pytest.mark.parametrize("name", RUN)
 def test_a_kind_runs_without_an_epsilon_as_its_rates_by_hand_do(name: str) -> None:
     rates, start, fast = RUN[name]
     scene = gsp.load(FOLDER / name)

@@ -9,7 +9,6 @@ from gsp import models
 from gsp.errors import GspError
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem, VectorField
-from tests.cases import sampled
 
 every_scene = pytest.mark.parametrize("name", models.names())
 
@@ -71,7 +70,7 @@ def test_reconstruction_extends_the_states_and_does_not_feed_back(name):
 
 # Runs of SciPy on rates in Python are slow.
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", sampled(models.names(), always=("chaplygin_sleigh", "van_der_pol")))
+@pytest.mark.parametrize("name", models.names())
 def test_the_trajectory_stays_in_the_region_and_ends_on_the_attracting_sheet(name):
     scene = models.load(name)
     flow = scene.full_flow

@@ -15,8 +15,6 @@ from gsp.scenes.small_parameter import take_fast, without_small
 from tests.reductions.test_reductions import scene
 
 SYSTEMS = sorted((Path(__file__).parents[1] / "systems").glob("*.toml"))
-# A quick one, which ended in an error.
-ALWAYS = ("holling_tanner",)
 
 
 def serves(choice: Choice) -> bool:
@@ -26,7 +24,7 @@ def serves(choice: Choice) -> bool:
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "path",
-    [p if p.stem in ALWAYS else pytest.param(p, marks=pytest.mark.exhaustive) for p in SYSTEMS],
+    SYSTEMS,
     ids=lambda path: path.stem,
 )
 def test_without_its_small_parameter_every_system_is_reduced_the_same_way_found_and_named(path: Path) -> None:

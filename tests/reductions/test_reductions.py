@@ -214,9 +214,7 @@ RAW = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "name", [n if n in ("motor", "battery") else pytest.param(n, marks=pytest.mark.exhaustive) for n in RAW]
-)
+@pytest.mark.parametrize("name", RAW)
 def test_raw_equations_lead_to_the_right_reduced_model(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(costs, "_seconds", lambda run: float(run().stats.field_calls))
     *given, words, slow = RAW[name]

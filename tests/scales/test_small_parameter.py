@@ -10,7 +10,6 @@ import sympy as sp
 
 from gsp.scales.special_values import small_parameters
 from gsp.splitting.splitting import split
-from tests.cases import thinned
 from tests.scales.fields import field, michaelis_menten, mutualism, rosenzweig_macarthur, small_of
 
 x, y, z, a, b, k = sp.symbols("x y z a b k")
@@ -26,7 +25,7 @@ def test_at_epsilon_one_the_field_is_the_original(make) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(("make", "dimension"), thinned([(rosenzweig_macarthur, 2), (michaelis_menten, 1)], 2))
+@pytest.mark.parametrize(("make", "dimension"), [(rosenzweig_macarthur, 2), (michaelis_menten, 1)])
 def test_the_reduction_is_that_of_split(make, dimension: int) -> None:
     """Pi G of the splitting, whatever its route, on the manifold."""
     for each in small_parameters(make(), dimensions=[dimension]):

@@ -20,7 +20,6 @@ from gsp.scenes.study import study_of
 from gsp.scenes.view import View
 from gsp.splitting.fast_time import is_in_fast_time
 from gsp.systems.system import SlowFastSystem, VectorField
-from tests.cases import thinned
 
 x, y, z, k, eps = sp.symbols("x y z k epsilon")
 EPSILON, SPAN = 0.02, 40.0
@@ -145,7 +144,7 @@ def test_a_report_says_that_the_field_was_in_fast_time(tmp_path, monkeypatch: py
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(models.names(), 4))
+@pytest.mark.parametrize("name", models.names())
 def test_every_model_is_the_same_system_through_either_door(name: str) -> None:
     """Written in fast time, t/epsilon, and put into slow time again: the same rates over the same span."""
     given = models.load(name)

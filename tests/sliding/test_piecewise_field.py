@@ -14,7 +14,6 @@ from gsp.scenes.scene import Scene
 from gsp.sliding.piecewise_field import PiecewiseField, switching
 from gsp.slow.series import expand
 from gsp.splitting.splitting import split
-from tests.cases import thinned
 
 x, y, z, a, eps = sp.symbols("x y z a epsilon")
 
@@ -33,7 +32,7 @@ def random_field(seed: int) -> PiecewiseField:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("seed", thinned(range(20), 5))
+@pytest.mark.parametrize("seed", range(20))
 def test_the_reduced_flow_of_order_0_is_filippovs_sliding_field(seed: int) -> None:
     given = random_field(seed)
     above, below = given.normal_rates

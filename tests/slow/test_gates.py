@@ -38,9 +38,6 @@ FORMS = {
     "error function": (1 + sp.erf((x - a) / b)) / 2,
 }
 
-# Those of every run: a parameter, an exponential of a quotient, a power.
-FEW = ("boltzmann with a slope", "arrhenius", "hill")
-
 
 def defect(series: SeriesManifold, at: float, value: float) -> mpmath.mpf:
     """epsilon Dh f - g of the printed coefficients at x = `at`, in 100 digits at epsilon = 1e-10.

@@ -38,7 +38,7 @@ def test_what_has_a_table_is_tabular() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(TABULAR, 2))
+@pytest.mark.parametrize("name", TABULAR)
 def test_json_says_dimensions_shapes_and_values(name: str) -> None:
     content = json.loads(json.dumps(noun(name).as_json(), allow_nan=False))
     assert content["what"] == name
@@ -51,7 +51,7 @@ def test_json_says_dimensions_shapes_and_values(name: str) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(TABULAR, 2))
+@pytest.mark.parametrize("name", TABULAR)
 def test_a_dataset_holds_what_json_says(name: str) -> None:
     result = noun(name)
     content, data = result.as_json(), result.to_xarray()
