@@ -280,6 +280,7 @@ def test_an_affine_constraint_slides_against_what_moves() -> None:
         m * (xdot**2 + ydot**2) / 2 - k * x**2 / 2, [x, y], [xdot, ydot], parameters={m: 1, c: 2, k: 3}
     )
     system = with_friction(belt, [xdot - c], epsilon=epsilon)
+    assert system.frame.expressions([xdot, ydot])[w] == xdot - c
     slip = system.field.equations[w]
     assert sp.expand(slip + w / (epsilon * m) + k * x / m) == 0
     assert sp.expand(system.dissipation() + (w + c) * w / epsilon) == 0
