@@ -8,9 +8,7 @@ from gsp import SlowFastSystem, classify, solve_critical
 from gsp.critical import sampling
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses import poles
-from gsp.hyperbolicity.losses.poles import is_above_zero
 from gsp.hyperbolicity.samples import Kind
-from tests.cases import thinned
 
 Q = sp.Rational
 x, y, eps = sp.symbols("x y epsilon")
@@ -45,7 +43,7 @@ def followed(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("sink", thinned([sp.S.Zero, y / (Q(1, 2) + y)], 2))
+@pytest.mark.parametrize("sink", [sp.S.Zero, y / (Q(1, 2) + y)])
 def test_denominators_that_stay_away_from_zero_are_not_followed(sink: sp.Expr, followed: list) -> None:
     """From 24 samples each, by dense steps, those of 200 genes took hours."""
     verdict = classify(network(36, sink=sink), region={"x": (0.5, 1.5)})
@@ -81,27 +79,6 @@ def test_what_is_over_the_budget_is_said(monkeypatch: pytest.MonkeyPatch) -> Non
     (note,) = [note for note in verdict.notes if "denominators" in note]
     assert "poles were sought from 2 samples" in note
     assert "Look at a smaller region." in note
-
-
-@pytest.mark.parametrize(
-    ("expression", "is_above"),
-    [
-        (1 + y**2, True),
-        (1 + x**2 * y**4 + sp.exp(-y), True),
-        (1 + y ** Q(5, 2), True),
-        (Q(1, 2) + sp.Abs(y), True),
-        ((1 + y**2) ** Q(1, 3) * sp.cosh(x), True),
-        (y**2, False),
-        (1 + y, False),
-        (1 + y**3, False),
-        (y**2 - 1, False),
-        (1 + sp.tanh(y), False),
-        (x * y + 1, False),
-        (1 + x**y, False),
-    ],
-)
-def test_signs_are_told_by_the_parts(expression: sp.Expr, is_above: bool) -> None:
-    assert is_above_zero(expression) is is_above
 
 
 def test_tangents_are_those_of_the_sheet() -> None:

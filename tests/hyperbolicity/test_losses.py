@@ -147,10 +147,6 @@ CASES = {
     ),
     "centre": Case({x: -x}, {y: z, z: x - y}, {"x": 0, "y": 0, "z": 0}, UNIT, LossKind.CENTRE),
 }  # fmt: skip
-# The first of each kind of loss.
-ONE_OF_EACH = {case.kind: name for name, case in reversed(CASES.items())}.values()
-
-
 # Names that others come to by the same way.
 REPEATED = {
     "fold of fourth order", "fold of an exponential", "fold of a cubic", "cusp of a sine", "cusp over a line",
@@ -168,7 +164,7 @@ def test_a_loss_has_its_name(name) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", sampled(CASES, always=list(ONE_OF_EACH)[::2]))
+@pytest.mark.parametrize("name", CASES)
 def test_a_linear_disguise_changes_neither_name_nor_invariants(name) -> None:
     plain = only(judged(name), CASES[name].kind)
     hidden, S, _ = disguised(CASES[name], 1)
@@ -180,9 +176,8 @@ def test_a_linear_disguise_changes_neither_name_nor_invariants(name) -> None:
     for key in invariants:
         if key in plain.coefficients:
             assert loss.coefficients[key] == pytest.approx(plain.coefficients[key], rel=1e-6, abs=1e-7), key
-    for key in ("l1",):
-        if key in plain.coefficients:
-            assert np.sign(loss.coefficients[key]) == np.sign(plain.coefficients[key])
+    if "l1" in plain.coefficients:
+        assert np.sign(loss.coefficients["l1"]) == np.sign(plain.coefficients["l1"])
     assert loss.may_reduce is plain.may_reduce
 
 
@@ -387,18 +382,6 @@ EVERYWHERE = {
 }
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("name", EVERYWHERE)
-def test_a_branch_that_is_singular_everywhere_is_named(name) -> None:
-    assert_named(name, None)
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("name", sampled(EVERYWHERE, always=("nilpotent",)))
-def test_a_branch_that_is_singular_everywhere_is_named_in_disguise(name) -> None:
-    assert_named(name, 4)
-
-
 def test_a_point_of_a_multiple_zero_may_be_inexact() -> None:
     # g_y = ((0, 1), (-3 d^2, 0)) at a point that is d off the branch, where it is nilpotent.
     matrices = np.array([[[0.0, 1.0], [-3.0 * d**2, 0.0]] for d in (0.0, 1e-6, 0.0)])
@@ -407,13 +390,14 @@ def test_a_point_of_a_multiple_zero_may_be_inexact() -> None:
     assert not _is_singular_throughout(np.concatenate([matrices, np.eye(2)[None]]))
 
 
-def assert_named(name: str, seed: int | None) -> None:
-    """The branch is lost for the reason that it has, as it is or in the disguise of `seed`."""
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("seed", [None, 4], ids=["as it is", "in disguise"])
+@pytest.mark.parametrize("name", EVERYWHERE)
+def test_a_branch_that_is_singular_everywhere_is_named(name: str, seed: int | None) -> None:
     fast, kind, order = EVERYWHERE[name]
     case = Case({x: -x}, fast, START, BOX, kind)
-    system = case.system if seed is None else disguised(case, seed)[0].system
-    region = BOX if seed is None else disguised(case, seed)[0].region
-    verdict = classify(solve_critical(system).branches[0], region=region)
+    meant = case if seed is None else disguised(case, seed)[0]
+    verdict = classify(solve_critical(meant.system).branches[0], region=meant.region)
     loss = only(verdict, kind)
     assert verdict.kind is Kind.LOST
     assert loss.coefficients.get("order") == order
@@ -574,7 +558,7 @@ HYPERBOLIC = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", thinned(HYPERBOLIC, 2))
+@pytest.mark.parametrize("name", HYPERBOLIC)
 def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
     verdict = judge(Case({x: -x}, HYPERBOLIC[name], {}, UNIT, LossKind.FOLD))
     assert verdict.losses == ()
@@ -582,24 +566,6 @@ def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
     assert ("neutral" in name) is bool(verdict.looked_at)
     if verdict.looked_at:
         assert verdict.looked_at[0].kind is LossKind.NEUTRAL_SADDLE
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("seed", sampled(range(6), always=range(1)))
-def test_random_hyperbolic_systems_raise_no_alarm(seed) -> None:
-    rng = np.random.default_rng(seed)
-    ys = (y, z, w)
-    A = sp.Matrix(rng.integers(-3, 4, (3, 3)).tolist()) - 12 * sp.eye(3)
-    h = sp.Matrix([sp.sin(x), x**2, x * u])
-    g = A * (sp.Matrix(ys) - h)
-    cubic = [sp.Rational(int(c), 10) * (s - k) ** 3 for c, s, k in zip(rng.integers(-9, 0, 3), ys, h)]
-    system = SlowFastSystem(
-        slow={x: -x + u, u: -u}, fast={s: a + b for s, a, b in zip(ys, g, cubic)}, epsilon=eps
-    )
-    graph = dict(zip(ys, h))
-    verdict = classify(Branch(system, tuple(s - graph[s] for s in ys), graph), region=PLANE)
-    assert verdict.kind is Kind.ATTRACTING
-    assert verdict.losses == ()
 
 
 # -- what is bad input, and what is shown ---------------------------------------------------------------
@@ -613,7 +579,7 @@ def test_a_fold_on_the_edge_of_the_region_is_named() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("place", thinned([sp.Rational(123, 1000), sp.Integer(0), -sp.Rational(1, 3)], 3))
+@pytest.mark.parametrize("place", [sp.Rational(123, 1000), sp.Integer(0), -sp.Rational(1, 3)])
 def test_an_eigenvalue_that_touches_the_axis_is_named_degenerate(place: sp.Expr) -> None:
     # A multiple zero is approached linearly, and met exactly only where a sample lies on it.
     rate = (x - place) ** 2
@@ -681,15 +647,6 @@ def test_a_loss_prints_what_it_is_and_what_follows() -> None:
 
 
 @pytest.mark.exhaustive
-def test_rates_that_differ_by_more_than_epsilon_are_noted() -> None:
-    system = SlowFastSystem(slow={x: -x}, fast={y: x - y, z: -z / 1000 + x}, epsilon=eps)
-    branch = solve_critical(system).branches[0]
-    assert classify(branch, region=UNIT, epsilon=1e-4).notes == ()
-    (note,) = classify(branch, region=UNIT, epsilon=1e-2).notes
-    assert "differ by a factor 1e+03" in note
-
-
-@pytest.mark.exhaustive
 def test_the_end_of_a_domain_is_no_loss_of_an_eigenvalue() -> None:
     x, y, u, v, epsilon = sp.symbols("x y u v epsilon")
     plain = SlowFastSystem(slow={x: -x}, fast={y: sp.log(x) - y}, epsilon=epsilon)
@@ -704,7 +661,7 @@ def test_the_end_of_a_domain_is_no_loss_of_an_eigenvalue() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("seed", sampled([1, 5], always=[1]))
+@pytest.mark.parametrize("seed", [1, 5])
 @pytest.mark.parametrize(
     ("fast", "kind"),
     [

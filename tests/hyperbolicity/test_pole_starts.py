@@ -102,6 +102,8 @@ def test_a_pole_is_where_values_grow_as_it_is_approached(values, is_one: bool) -
         (1 + y, False), (1 + y**3, False), (1 + sp.sqrt(y), True), (2 + sp.Abs(y) * u**2, True), (sp.exp(-y), True),
         (sp.cosh(y) * sp.exp(u), True), ((1 + y**2) ** 3, True), (sp.Integer(3), True), (-sp.Integer(3), False),
         (3 * (1 + y**2), True), (-3 * (1 + y**2), False), (1 - y**2, False), (sp.sin(y) + 2, False), (1 + y**-2, True),
+        (1 + y ** sp.Rational(5, 2), True), ((1 + y**2) ** sp.Rational(1, 3), True), (1 + sp.tanh(y), False),
+        (1 + u**2 * y**4 + sp.exp(-y), True), (u * y + 1, False), (1 + u**y, False),
     ],
 )  # fmt: skip
 def test_what_is_positive_by_the_signs_of_its_parts_needs_no_search(
