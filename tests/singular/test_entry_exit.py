@@ -11,7 +11,6 @@ from gsp.singular.passage.entry_exit import entry_exit
 from gsp.systems.system import SlowFastSystem
 
 x, y, epsilon = sp.symbols("x y epsilon")
-R = sp.Rational
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,13 @@ def branch(of: gsp.SlowFastSystem, point=None):
     return found.branches[0] if point is None else found.nearest(point)
 
 
+def passage_of(fast: dict) -> gsp.DelayedExit:
+    """Along y' = 1 from y = -1 and the branch of zero."""
+    return entry_exit(
+        branch(system({y: 1}, fast), {**dict.fromkeys(map(str, fast), 0), "y": -1}), start={"y": -1}
+    )
+
+
 NORMAL = system({y: 1}, {x: x**2 + y})
 VAN_DER_POL = system({y: -x}, {x: y - x**3 / 3 + x})
 TWO_AND_TWO = system(
@@ -328,8 +335,7 @@ def test_an_implicit_branch_with_a_second_fast_variable() -> None:
 
 @pytest.mark.exhaustive
 def test_the_rightmost_eigenvalue_counts_and_its_takeover_is_named() -> None:
-    of = system({y: 1}, {x: y * x, w: (3 * y - 1) * w + x})
-    found = entry_exit(branch(of), start={"y": -1})
+    found = passage_of({x: y * x, w: (3 * y - 1) * w + x})
     # -1/2 + y^2/2 to the takeover at 1/2, then 3 y^2/2 - y.
     assert found.point["y"] == pytest.approx((1 + math.sqrt(2.5)) / 3, abs=1e-12)
     assert found.takeovers == pytest.approx((1.5,), abs=1e-5)
@@ -361,7 +367,7 @@ def test_losses_that_heal_again_are_passed() -> None:
     ],
 )
 def test_an_imperfection_ends_the_stay_at_the_loss(fast, kind, outcome) -> None:
-    found = entry_exit(branch(system({y: 1}, {x: fast}), {"x": 0, "y": -1}), start={"y": -1})
+    found = passage_of({x: fast})
     assert found.kind is ExitKind.AT_LOSS
     assert not found.invariant
     assert (found.loss.kind, found.loss.outcome) == (kind, outcome)
@@ -371,34 +377,27 @@ def test_an_imperfection_ends_the_stay_at_the_loss(fast, kind, outcome) -> None:
 
 def test_the_transcritical_canard_value_is_one() -> None:
     # x = y^2-shifted invariant branches have lambda = 1; the residual sets the rest.
-    of = system({y: 1}, {x: y * x + x**2 + sp.Symbol("m") * eps}, m=0)
-    assert entry_exit(branch(of, {"x": 0, "y": -1}), start={"y": -1}).loss.coefficients["lambda"] == 1
-    half = of.with_parameters(m=0.5)
-    assert entry_exit(branch(half, {"x": 0, "y": -1}), start={"y": -1}).loss.coefficients[
-        "lambda"
-    ] == pytest.approx(2)
+    assert passage_of({x: y * x + x**2}).loss.coefficients["lambda"] == 1
+    assert passage_of({x: y * x + x**2 + eps / 2}).loss.coefficients["lambda"] == pytest.approx(2)
 
 
 def test_the_side_of_a_pitchfork_counts_its_cubic_once_and_the_bending_of_the_rest() -> None:
     # w = 2 x^2 to leading order, so that x' = y x + (2 - 1) x^3: a sixth of g_yyy, and what w adds.
-    of = system({y: 1}, {x: y * x + x * w - x**3 + eps, w: 2 * x**2 - w})
-    loss = entry_exit(branch(of, {"x": 0, "w": 0, "y": -1}), start={"y": -1}).loss
+    loss = passage_of({x: y * x + x * w - x**3 + eps, w: 2 * x**2 - w}).loss
     assert loss.coefficients["p"] == pytest.approx(1, rel=1e-10)
     assert (loss.kind, loss.outcome) == (LossKind.PITCHFORK, Outcome.ESCAPE)
 
 
 def test_a_transcritical_escape_is_at_the_zero_of_a_hermite_polynomial() -> None:
     # x = -epsilon v'/v makes epsilon x' = 2 t x + x^2 + 4 epsilon Hermite's equation: v = H_2(t/epsilon^(1/2)).
-    of = system({y: 1}, {x: 2 * y * x + x**2 + 4 * eps})
-    loss = entry_exit(branch(of, {"x": 0, "y": -1}), start={"y": -1}).loss
+    loss = passage_of({x: 2 * y * x + x**2 + 4 * eps}).loss
     assert loss.coefficients["lambda"] == pytest.approx(5, rel=1e-12)
     assert loss.escape(0.01) - loss.t == pytest.approx(-math.sqrt(0.01 / 2), rel=1e-9)
 
 
 @pytest.mark.exhaustive
 def test_a_transcritical_escape_takes_the_time_of_the_parabolic_cylinder() -> None:
-    of = system({y: 1}, {x: y * x + x**2 + eps / 2})
-    found = entry_exit(branch(of, {"x": 0, "y": -1}), start={"y": -1})
+    found = passage_of({x: y * x + x**2 + eps / 2})
     # D_(1/2)(-sqrt(2) z) by mpmath, independently.
     zero = mp.findroot(lambda u: mp.pcfd(0.5, -mp.sqrt(2) * u), 0.5)
     assert first_zero(2.0) == pytest.approx(float(zero), abs=1e-10)
@@ -663,8 +662,6 @@ def test_calls_that_cannot_be_carried_out_are_refused_by_name() -> None:
         entry_exit(plain, start={"y": 0.5})
     with pytest.raises(DeclarationError, match="takes y"):
         entry_exit(plain, start={"z": -1})
-    with pytest.raises(DeclarationError, match="takes a Branch"):
-        entry_exit(NORMAL, start={"y": -1})
     with pytest.raises(PassageError, match="stands still"):
         entry_exit(branch(system({y: y + 1}, {x: y * x})), start={"y": -1})
     with pytest.raises(PassageError, match="fold_passage"):
@@ -739,32 +736,23 @@ def test_without_a_loss_the_remedy_is_that_of_the_passage() -> None:
     assert "max_steps" not in found.message
 
 
-def passage_of(fast: dict) -> gsp.DelayedExit:
-    system = gsp.SlowFastSystem(slow={Y_: 1}, fast=fast, epsilon=sp.Symbol("epsilon"))
-    near = {**{s.name: 0 for s in fast}, "y": -1}
-    return gsp.entry_exit(gsp.solve_critical(system).nearest(near), start={"y": -1})
-
-
-Y_, X_, W_ = sp.symbols("y x w")
-
-
 def test_fast_variables_that_do_not_move_one_another_leave_each_for_itself() -> None:
     """x leaves at 1 and w at 3/2; moved by x, w has the size of exp of the integral of the rightmost eigenvalue."""
-    grows = 2 * Y_ - sp.Rational(1, 2)
+    grows = 2 * y - sp.Rational(1, 2)
     with pytest.raises(PassageError, match=r"the others do not move \(x; w\)"):
-        passage_of({X_: Y_ * X_, W_: grows * W_})
+        passage_of({x: y * x, w: grows * w})
     # Phi: -1/2 up to 0, 1/8 more up to 1/2, where w takes over, and y^2 - y/2 from there.
-    found = passage_of({X_: Y_ * X_, W_: grows * W_ + X_})
+    found = passage_of({x: y * x, w: grows * w + x})
     assert found.point["y"] == pytest.approx((1 + np.sqrt(7)) / 4, abs=1e-9)
-    assert passage_of({X_: Y_ * X_, W_: -W_ - 3 * W_ * Y_**2}).point["y"] == pytest.approx(1.0, abs=1e-9)
+    assert passage_of({x: y * x, w: -w - 3 * w * y**2}).point["y"] == pytest.approx(1.0, abs=1e-9)
 
 
 def test_an_eigenvalue_that_rises_without_speed_is_no_pitchfork() -> None:
     for power in (3, 5):
         with pytest.raises(PassageError, match="with no speed, to a higher order"):
-            passage_of({X_: Y_**power * X_ + sp.Symbol("epsilon")})
-        found = passage_of({X_: Y_**power * X_ - X_**3})
+            passage_of({x: y**power * x + eps})
+        found = passage_of({x: y**power * x - x**3})
         assert found.losses[0].kind is LossKind.DEGENERATE
         assert found.losses[0].point["y"] == pytest.approx(0.0, abs=1e-3)
         assert found.point["y"] == pytest.approx(1.0, abs=1e-9)
-    assert passage_of({X_: Y_ * X_ / 1000 - X_**3}).losses[0].kind is LossKind.PITCHFORK
+    assert passage_of({x: y * x / 1000 - x**3}).losses[0].kind is LossKind.PITCHFORK

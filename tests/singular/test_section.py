@@ -119,8 +119,6 @@ def herbivores_edge(growth: float) -> dict[str, float]:
     """The saddle with herbivores: the larger P at which these live, and the H that it feeds."""
     rates = [e.xreplace({rho: sp.Float(growth)}) for e in (HERBIVORES.rates[1] / H, HERBIVORES.rates[0])]
     value = sp.lambdify(P, rates[0])
-    from scipy.optimize import brentq
-
     plants = brentq(value, 13.5, 40.0)
     return {"P": plants, "H": float(sp.solve(rates[1].xreplace({P: sp.Float(plants)}), H)[0])}
 
@@ -216,9 +214,7 @@ PASSED = {
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.exhaustive] if "slips" in name else []) for name in PASSED]
-)
+@pytest.mark.parametrize("name", PASSED)
 def test_where_orbits_beside_the_edge_go_is_told(name: str) -> None:
     field, ramp, start, edge, after = PASSED[name]
     found = gsp.critical_rate(field, ramp=ramp, start=start, edge=edge)
