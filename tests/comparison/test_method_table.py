@@ -379,10 +379,6 @@ def test_more_than_three_slow_variables_take_pointwise_methods() -> None:
 
 def test_bad_calls_are_named() -> None:
     scene = models.load("michaelis_menten")
-    with pytest.raises(DeclarationError, match="takes a Scene"):
-        method_table(scene.system)
-    with pytest.raises(DeclarationError, match="every one of refinements is a non-negative integer"):
-        method_table(scene, refinements=(-1,))
     with pytest.raises(DeclarationError, match="two epsilons or more"):
         method_table(scene, epsilons=(0.1,))
     for points in ([], [[float("nan")]], [[1.0], [float("inf")]]):
@@ -390,11 +386,6 @@ def test_bad_calls_are_named() -> None:
             method_table(scene, points=points)
     with pytest.raises(DeclarationError, match="no interval for s"):
         method_table(replace(scene, region={"c": (0, 1)}))
-
-
-def test_orders_are_a_sequence() -> None:
-    with pytest.raises(DeclarationError, match="iterates are a sequence"):
-        method_table(models.load("linear"), iterates=1)
 
 
 @pytest.mark.exhaustive

@@ -91,20 +91,6 @@ def test_a_curve_costs_what_it_should() -> None:
     assert curve.stats.located == 2
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("parameter", [None, current, "I"])
-def test_the_folds_of_fitzhugh_nagumo_over_w_and_over_the_current(parameter) -> None:
-    curve = continue_critical(
-        fitzhugh_nagumo(), start={"v": 2, "w": 0.2}, parameter=parameter, bounds={"v": (-2.5, 2.5)}
-    )
-    assert kinds(curve) == [LossKind.FOLD] * 2
-    for point in curve.special:
-        drive = point.point.get("I", 0.5)
-        assert abs(point["v"]) == pytest.approx(1, abs=1e-12)
-        assert point["w"] == pytest.approx(point["v"] * 2 / 3 + drive, abs=1e-12)
-    assert curve.names == (("w", "v") if parameter is None else ("w", "v", "I"))
-
-
 @pytest.mark.parametrize("free", ["y", "z"])
 def test_one_of_several_slow_variables_is_free_and_the_others_stay(free: str) -> None:
     start = {"x": 2.0, "y": 0.5, "z": 0.3}
@@ -627,42 +613,22 @@ def test_a_curve_shows_itself() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "error", "message"),
+    ("options", "message"),
     [
-        ({"start": {"x": 2}}, DeclarationError, "no value for y"),
-        ({"start": {"x": 2, "y": 0, "z": 0}}, DeclarationError, '"z", which is no state'),
-        ({"start": {"x": 2, "y": 0, "a": 0}}, DeclarationError, '"a", which is a parameter that is not free'),
-        ({"start": {"x": 2, "y": float("nan")}}, DeclarationError, "finite"),
-        ({"start": {"x": 2, "y": 0.6}, "bounds": {"x": (3, -3)}}, DeclarationError, "reversed"),
-        ({"start": {"x": 2, "y": 0.6}, "bounds": {"a": (0, 1)}}, DeclarationError, "does not vary here"),
-        ({"start": {"x": 2, "y": 0.6}, "bounds": {"yy": (0, 1)}}, DeclarationError, "does not vary here"),
-        ({"start": {"x": 2, "y": 0.6}, "bounds": [(0, 1)]}, DeclarationError, "bounds maps names"),
-        (
-            {"start": {"x": 2, "y": 0.6}, "bounds": {"x": (-1, 1)}},
-            DeclarationError,
-            "start is outside the bounds: x = 2",
-        ),
-        (
-            {"start": {"x": 2, "y": 0.0}, "bounds": {"x": (1.9, 3)}},
-            DeclarationError,
-            "next to start is outside",
-        ),
-        ({"start": {"x": 2, "y": 0.6}, "direction": 2}, DeclarationError, "direction is"),
-        ({"start": {"x": 2, "y": 0.6}, "step": 0.0}, DeclarationError, "step is a positive number"),
-        ({"start": {"x": 2, "y": 0.6}, "max_points": 1}, DeclarationError, "max_points"),
-        ({"start": {"x": 2, "y": 0.6}, "tolerance": -1.0}, DeclarationError, "tolerance"),
-        ({"start": {"x": 2, "y": 0.6}, "parameter": "b"}, DeclarationError, "parameter is one of a"),
-        ({"start": {"x": 2, "y": 0.6}, "free": "x"}, DeclarationError, "free is one of y"),
-        (
-            {"start": {"x": 2, "y": 0.6}, "free": "y", "parameter": "a"},
-            DeclarationError,
-            "one variable is free",
-        ),
+        ({"start": {"x": 2}}, "no value for y"),
+        ({"start": {"x": 2, "y": 0, "z": 0}}, '"z", which is no state'),
+        ({"start": {"x": 2, "y": 0, "a": 0}}, '"a", which is a parameter that is not free'),
+        ({"bounds": {"a": (0, 1)}}, "does not vary here"),
+        ({"bounds": {"yy": (0, 1)}}, "does not vary here"),
+        ({"bounds": {"x": (-1, 1)}}, "start is outside the bounds: x = 2"),
+        ({"start": {"x": 2, "y": 0.0}, "bounds": {"x": (1.9, 3)}}, "next to start is outside"),
+        ({"max_points": 1}, "max_points"),
+        ({"free": "y", "parameter": "a"}, "one variable is free"),
     ],
 )
-def test_a_wrong_call_is_named(options, error, message) -> None:
-    with pytest.raises(error, match=message):
-        continue_critical(systems.van_der_pol(), **options)
+def test_a_wrong_call_is_named(options, message) -> None:
+    with pytest.raises(DeclarationError, match=message):
+        continue_critical(systems.van_der_pol(), **{"start": {"x": 2, "y": 0.6}, **options})
 
 
 def test_several_slow_variables_need_one_that_is_free() -> None:
@@ -683,11 +649,6 @@ def test_a_start_at_a_branch_point_is_refused() -> None:
 def test_a_start_where_g_has_no_derivative_is_refused() -> None:
     with pytest.raises(BranchError, match="no finite derivatives at start"):
         continue_critical(one(y - sp.sqrt(x)), start={"x": 0, "y": 0})
-
-
-def test_only_a_slow_fast_system_is_continued() -> None:
-    with pytest.raises(DeclarationError, match="takes a SlowFastSystem"):
-        continue_critical("van der Pol", start={})  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.exhaustive

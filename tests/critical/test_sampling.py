@@ -23,7 +23,6 @@ from gsp.errors import DeclarationError
 from gsp.systems.system import SlowFastSystem
 
 u, v, w, x, y, eps = sp.symbols("u v w x y epsilon")
-R = sp.Rational
 
 
 def sampler(slow: dict, fast: dict) -> Sampler:

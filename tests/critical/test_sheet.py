@@ -11,7 +11,6 @@ from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
-from tests.cases import sampled
 
 eps = systems.epsilon
 a, b, c, y, v, w, y1, y2, current = sp.symbols("a b c y v w y1 y2 I")
@@ -137,10 +136,7 @@ def test_fewer_points_than_needed_is_an_ending() -> None:
         (systems.van_der_pol(), {"start": {"y": 0.6, "x": 1}}, DeclarationError, "one slow variable and parameter"),
         (systems.van_der_pol(), {"start": {"y": 0.6, "x": 1}, "parameter": "k"}, DeclarationError, "parameter is one"),
         (over(y - a - b), {"start": {"a": 0, "b": 0, "y": 0}}, BranchError, "no fold near start"),
-        (CUSP, {"start": {"a": -3, "b": 2, "y": 1}, "bounds": {"a": (2, 1)}}, DeclarationError, "reversed"),
         (CUSP, {"start": {"a": -3, "b": 2, "y": 1}, "bounds": {"a": (0, 1)}}, DeclarationError, "outside the bounds"),
-        (CUSP, {"start": {"a": -3, "b": 2, "y": 1}, "direction": 3}, DeclarationError, "direction is"),
-        ("cusp", {"start": {}}, DeclarationError, "takes a SlowFastSystem"),
     ],
 )  # fmt: skip
 def test_a_wrong_call_for_folds_is_named(system, options, error, message) -> None:
@@ -332,7 +328,7 @@ def test_a_sheet_ends_where_g_is_not_finite() -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("power", sampled([-6, 0, 6], always=[6]))
+@pytest.mark.parametrize("power", [-6, 0, 6])
 def test_vertices_beside_a_pole_that_are_not_on_the_manifold_are_left_out_in_any_units(power: int) -> None:
     """Budworms y on foliage a: cubes on the bound have their corners where the capacity y/(355 a) has no size."""
     unit = sp.Integer(10) ** power
@@ -352,8 +348,8 @@ def test_vertices_beside_a_pole_that_are_not_on_the_manifold_are_left_out_in_any
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("power", sampled([-6, 0, 6], always=[6]))
-@pytest.mark.parametrize("edge", sampled([-(2.0**-53), 0.0], always=[0.0]))
+@pytest.mark.parametrize("power", [-6, 0, 6])
+@pytest.mark.parametrize("edge", [-(2.0**-53), 0.0])
 def test_a_fold_beside_a_pole_on_the_bound_is_found_on_either_side_of_rounding(edge: float, power: int) -> None:
     """Budworms y = a t on foliage a, folded where a = B/(r (1 - t/355) t) is least, t = 355/2 without saturation."""
     unit = sp.Integer(10) ** power
@@ -388,14 +384,12 @@ def test_a_sheet_reports_its_progress_and_shows_itself() -> None:
     ("system", "options", "error", "message"),
     [
         (CUSP, {"start": {"a": -1, "b": 0, "y": 1}, "bounds": {"a": (-1, 1)}}, DeclarationError, "interval for b"),
-        (CUSP, {"start": {"a": -1, "b": 0, "y": 1}, "bounds": {**BOX, "b": (1, -1)}}, DeclarationError, "reversed"),
         (CUSP, {"start": {"a": -1, "b": 0, "y": 3}, "bounds": BOX}, DeclarationError, "outside the bounds: y = 3"),
         (CUSP, {"start": {"a": -1, "b": 0}, "bounds": BOX}, DeclarationError, "no value for y"),
         (CUSP, {"start": {"a": -1, "b": 0, "y": 1}, "bounds": BOX, "resolution": 1}, DeclarationError, "resolution"),
         (systems.van_der_pol(), {"start": {"y": 0, "x": 0}, "bounds": {}}, DeclarationError, "two different"),
         (over(y**2 + 1), {"start": {"a": 0, "b": 0, "y": 0.5}, "bounds": BOX}, BranchError, "not on the critical"),
         (CUSP, {"start": {"a": -1, "b": 0, "y": 1}, "bounds": BOX, "max_points": 1}, DeclarationError, "max_points"),
-        ("cusp", {"start": {}, "bounds": {}}, DeclarationError, "takes a SlowFastSystem"),
     ],
 )  # fmt: skip
 def test_a_wrong_call_for_a_sheet_is_named(system, options, error, message) -> None:

@@ -10,7 +10,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.spectrum import LARGEST, eigenvalues, is_singular, symmetrised
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.systems.system import SlowFastSystem
-from tests.cases import sampled, thinned
+from tests.cases import thinned
 
 s, eps = sp.symbols("s epsilon")
 
@@ -43,10 +43,7 @@ def unimodular(size: int, seed: int) -> sp.Matrix:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("size", "above"),
-    thinned([(4, 1000), (3, 10**5), (4, 100), (2, 10**6), (6, 100), (8, 100)], 3),
-)
+@pytest.mark.parametrize(("size", "above"), [(4, 1000), (3, 10**5), (4, 100), (2, 10**6), (6, 100), (8, 100)])
 def test_a_jordan_block_has_the_gap_of_its_eigenvalue(size, above) -> None:
     found = verdict(jordan(size, above))
     assert found.kind is Kind.ATTRACTING, found
@@ -56,7 +53,7 @@ def test_a_jordan_block_has_the_gap_of_its_eigenvalue(size, above) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("seed", sampled(range(6), always=[1]))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_jordan_block_in_other_coordinates_has_the_same_gap(seed) -> None:
     T = unimodular(4, seed)
     found = verdict(T * jordan(4, 100) * T.inv())
@@ -66,7 +63,7 @@ def test_a_jordan_block_in_other_coordinates_has_the_same_gap(seed) -> None:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("decades", thinned([6, 9, 10, 11, 14, 20, 50], 2))
+@pytest.mark.parametrize("decades", [6, 9, 10, 11, 14, 20, 50])
 def test_rates_far_apart_are_rates(decades) -> None:
     found = verdict(sp.Matrix([[-1, 0], [1, -(10**decades)]]), epsilon=0.01)
     assert found.kind is Kind.ATTRACTING, found
