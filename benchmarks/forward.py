@@ -15,7 +15,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import CompiledFunction, compile_over
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.flow import Flow
 
 # Decimal digits that a double put into an expression keeps: enough to come out again as the same double.
@@ -79,7 +79,13 @@ class Forward:
         return self._compiled([derivative(rate, z) for rate in self.flow.rates for z in self.flow.states])
 
     def _compiled(self, outputs: Any) -> CompiledFunction:
-        return compile_over(self.flow, [-output for output in outputs], scheduled=True)
+        return compile_function(
+            [-output for output in outputs],
+            arguments=self.flow.states,
+            epsilon=self.flow.epsilon,
+            parameters=tuple(self.flow.parameters),
+            scheduled=True,
+        )
 
 
 def _number(value: float) -> sp.Expr:
