@@ -90,8 +90,9 @@ def _refuse_circles(definitions: Mapping[str, Definition]) -> None:
     try:
         TopologicalSorter(uses).prepare()
     except CycleError as error:
-        # Each is used by the next there.
-        circle = " -> ".join(reversed(error.args[1]))
+        # A sentence, and the circle, where each is used by the next.
+        _, found = error.args
+        circle = " -> ".join(reversed(found))
         raise ModelFileError(
             f"definitions: {circle[:300]} is a circle.", "Write one of them out without the others."
         ) from None

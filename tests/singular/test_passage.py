@@ -179,7 +179,7 @@ def test_a_measured_exit_is_the_same_in_any_units_of_the_states(fast, slow) -> N
         plain = fold_exit(fold_passage(NORMAL, {"x": 0, "y": 0}), epsilon=epsilon, section={"x": 1})
         assert found.point["y"] / float(slow) == pytest.approx(plain.point["y"], rel=1e-12)
         assert found.resolution < 1e-20
-    assert fit_omega0(passage, section={"x": float(fast)}).omega0 == pytest.approx(omega0(), abs=1e-3)
+    assert fit_omega0(passage, section={"x": float(fast)}).omega0 == pytest.approx(OMEGA_0, abs=1e-3)
 
 
 @pytest.mark.exhaustive
@@ -204,11 +204,11 @@ def test_a_passage_is_the_same_in_any_units_of_the_states(powers: tuple[int, ...
 def test_a_point_that_is_the_fold_to_the_last_bit_is_one_in_any_unit(unit: int) -> None:
     scaled = system({y: -x * unit}, {x: y / unit - x**3 / 3 + x})
     found = fold_passage(scaled, {"x": 1, "y": -2 / 3 * unit})
-    assert found.leading[0] / unit == pytest.approx(-omega0(), rel=1e-12)
+    assert found.leading[0] / unit == pytest.approx(-OMEGA_0, rel=1e-12)
     both = fold_passage(
         system({y: -x}, {x: unit * (y / unit - (x / unit) ** 3 / 3 + x / unit)}), {x: unit, y: -2 / 3 * unit}
     )
-    assert both.leading[0] / unit == pytest.approx(-omega0(), rel=1e-12)
+    assert both.leading[0] / unit == pytest.approx(-OMEGA_0, rel=1e-12)
 
 
 def test_a_slow_rate_that_switches_elsewhere_changes_nothing_at_the_fold() -> None:
