@@ -59,6 +59,8 @@ def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, co
 def _without_common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
     """The layer field divided by what all its components share: orbits, hence integrals, stay the same."""
     common = common_factor(layer, states)
+    if common == 1:
+        return list(layer)
     return [lowest_terms(component / common) if component != 0 else sp.Integer(0) for component in layer]
 
 
@@ -131,7 +133,7 @@ def nonnegative_basis(vectors: list[list[sp.Expr]]) -> list[list[sp.Expr]]:
     Amounts that a reaction conserves are sums of amounts, and a box of amounts bounds their sums, where differences
     run over what no state has. Entries that are parameters are left as they are.
     """
-    entries = [entry for vector in vectors for entry in vector]
+    entries = [entry for vector in vectors for entry in vector if entry is not sp.S.Zero]
     if not any(entry.is_negative for entry in entries) or not all(entry.is_Rational for entry in entries):
         return vectors
     rays = _extreme_rays(sp.Matrix(vectors))
@@ -162,19 +164,29 @@ def _extreme_rays(basis: sp.Matrix) -> list[list[sp.Expr]]:
     return found
 
 
-def linear_relations(components: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[list[sp.Expr]] | None:
+def linear_relations(
+    components: Sequence[sp.Expr], states: Sequence[sp.Symbol]
+) -> Sequence[Sequence[sp.Expr]] | None:
     """A basis of the c free of `states` with sum_i c_i L_i = 0 for the `components` L; None over budget.
 
     Of quotients that are long over one denominator it holds what can be seen as they are written.
 
     The last entry of each that is not zero stands where all others have zeros.
     """
+    return _relations(tuple(components), tuple(states))
+
+
+# A layer's are asked for by its first integrals and by its directions.
+@lru_cache(maxsize=4)
+def _relations(
+    components: tuple[sp.Expr, ...], states: tuple[sp.Symbol, ...]
+) -> Sequence[Sequence[sp.Expr]] | None:
     numerators = coprime_numerators(components)
     if numerators is None:
         # Too long over one denominator. As they are written, quotients count as unknowns.
         if any(quotient(term) is None for component in components for term in sp.Add.make_args(component)):
             return None
-        numerators = components
+        numerators = list(components)
     return _left_null_space(_coefficient_rows(numerators, states))
 
 
@@ -182,8 +194,8 @@ def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[s
     relations = linear_relations(direction, states)
     if relations is None:
         return []
-    vectors = [_in_fewest_digits(vector) for vector in nonnegative_basis(relations)]
-    held = [[i for i, c in enumerate(vector) if c != 0] for vector in vectors]
+    vectors = [_in_fewest_digits(vector) for vector in nonnegative_basis(list(map(list, relations)))]
+    held = [[i for i, c in enumerate(vector) if c is not sp.S.Zero] for vector in vectors]
     integrals = [sp.Add(*[vector[i] * states[i] for i in places]) for vector, places in zip(vectors, held)]
     # Single states first, then in the order of the first state they contain.
     return [integrals[k] for k in sorted(range(len(integrals)), key=held.__getitem__)]

@@ -74,14 +74,17 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
     relations = linear_relations(layer, states)
     if relations is not None and len(relations) == len(states) - rank:
         # The last component in each is a combination of the others, which stand in no other one last.
-        last = [max(i for i, c in enumerate(relation) if c != 0) for relation in relations]
+        held = [{i: c for i, c in enumerate(relation) if c is not sp.S.Zero} for relation in relations]
+        last = {max(relation) for relation in held}
         rows = [i for i in range(len(states)) if i not in last]
         constant = sp.zeros(len(states), rank)
-        for j, i in enumerate(rows):
+        place = {i: j for j, i in enumerate(rows)}
+        for i, j in place.items():
             constant[i, j] = sp.S.One
-            for relation, k in zip(relations, last):
-                if relation[i] != 0:
-                    constant[k, j] = lowest_terms(-relation[i] / relation[k])
+        for relation in held:
+            k = max(relation)
+            for i in relation.keys() & place.keys():
+                constant[k, place[i]] = lowest_terms(-relation[i] / relation[k])
         return sp.ImmutableMatrix(constant), sp.ImmutableMatrix([layer[i] for i in rows])
     DL = jacobian(L, states)
     values = numbers_at(DL, generic_point((*states, *field.parameters)))

@@ -145,10 +145,11 @@ def checked_parameters(
     new_pieces = [list(_innermost_first(expression, symbols_of)) for expression in everything]
     used = set().union(*(symbols_of[expression] for expression in everything))
     own = () if epsilon is None else (epsilon,)
-    _check_names([*states, *own, *values, *(used - set(states) - set(own) - set(values)), *observables])
+    moving = set(states)
+    _check_names([*states, *own, *values, *(used - moving - set(own) - set(values)), *observables])
     for role, symbols in (("epsilon", own), ("a parameter", values), ("an observable", observables)):
         for symbol in symbols:
-            if symbol in states:
+            if symbol in moving:
                 raise DeclarationError(
                     f"{symbol} is a state and also {role}.", "Give one of the two another name."
                 )
@@ -160,7 +161,7 @@ def checked_parameters(
         raise DeclarationError(
             f"{epsilon} is epsilon and also a parameter.", "Its value is given when integrating."
         )
-    unknown = sorted(used - set(states) - set(own) - set(values), key=str)
+    unknown = sorted(used - moving - set(own) - set(values), key=str)
     if unknown:
         names = ", ".join(map(str, unknown))
         known = [s.name for s in (*states, *values, *own)]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.algebra.elimination_over_rationals import numbers_at
 from gsp.lowering.compiled_function import compile_function
 from gsp.splitting.fast_part import (
     TIDY_LIMIT,
@@ -179,6 +180,9 @@ def test_directions_that_turn_are_found_by_elimination_to_digits() -> None:
     turning = sp.Matrix(6, 5, lambda i, j: (2 if i == j else 0) + (z[5] if i == 5 else z[j] * z[i] / 20))
     layer = list(turning * sp.Matrix(f))
     N, chosen = factorised(layer, VectorField({s: e / eps for s, e in zip(z, layer)}, epsilon=eps), 5)
-    directions, slopes, whole = (values(m, np.zeros(6)) for m in (N, jacobian(chosen, z), jacobian(layer, z)))
+    origin = dict.fromkeys(z, sp.S.Zero)
+    directions, slopes, whole = (
+        np.array(numbers_at(m, origin), dtype=float) for m in (N, jacobian(chosen, z), jacobian(layer, z))
+    )
     assert np.linalg.matrix_rank(directions) == 5
     assert np.allclose(directions @ slopes, whole, atol=1e-12)
