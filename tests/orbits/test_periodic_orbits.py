@@ -20,6 +20,7 @@ from gsp.orbits.periodic.settling import OrbitError
 from tests.cases import sampled
 
 x, y, z, eps = sp.symbols("x y z epsilon")
+R = sp.Rational
 # The unit circle, run through unevenly: theta' = 1 + cos(theta)/2, and r = 1 + rho with rho' = -2 rho to first order.
 CIRCLE = {
     x: x * (1 - x**2 - y**2) - y * (1 + x / 2),
@@ -500,3 +501,18 @@ def test_a_run_that_comes_to_rest_to_the_last_bit_settles_at_the_equilibrium(rat
 def test_a_run_that_goes_on_at_a_constant_speed_leaves_for_infinity() -> None:
     with pytest.raises(OrbitError, match="leaves for infinity"):
         gsp.periodic_orbit(gsp.VectorField({x: 1 + y, y: -y}, epsilon=None), start={"x": 0.5, "y": 0.1})
+
+
+def test_a_cycle_that_comes_close_to_an_axis_has_the_period_of_its_logarithms() -> None:
+    # The prey falls to 2e-10; how far from there to its axis is in no amplitude, but in the time to come back.
+    prey, predator = (lambda x, y: 1 - x - y / (x + R(1, 4))), (lambda x, y: x / (x + R(1, 4)) - R(1, 3))
+    plain = gsp.SlowFastSystem(slow={y: y * predator(x, y)}, fast={x: x * prey(x, y)}, epsilon=eps)
+    u, v = sp.symbols("u v")
+    rates = predator(sp.exp(u), sp.exp(v)), prey(sp.exp(u), sp.exp(v))
+    logarithms = gsp.SlowFastSystem(slow={v: rates[0]}, fast={u: rates[1]}, epsilon=eps)
+    found = gsp.periodic_orbit(plain, start={"x": 0.8, "y": 0.2}, epsilon=0.03)
+    second = gsp.periodic_orbit(logarithms, start={"u": math.log(0.8), "v": math.log(0.2)}, epsilon=0.03)
+    assert found.status is second.status is Status.SUCCESS
+    assert found["x"].min() < 1e-9
+    assert found.period == pytest.approx(second.period, rel=1e-10)
+    assert found["x"].min() == pytest.approx(math.exp(second["u"].min()), rel=1e-6)

@@ -103,6 +103,10 @@ class OrbitProblem:
         self.p = p
         self.free = free
         # Where p = (epsilon, *parameters) holds it; epsilon itself may be free.
+        # States whose rates vanish with them.
+        self.has_axis = np.array(
+            [rate.xreplace({z: sp.S.Zero}) == 0 for z, rate in zip(flow.states, flow.rates)]
+        )
         self.place = 0 if free is None or free == flow.epsilon else 1 + list(flow.parameters).index(free)
         self.by_parameter: CompiledFunction | None = None
         if free is not None:

@@ -21,7 +21,7 @@ GROWTH = 2.0
 
 
 def interval_errors(cycle: Cycle, scales: np.ndarray) -> np.ndarray:
-    """Estimated largest error (N,) in each interval, in units of `scales` (n,)."""
+    """Estimated largest error (N,) in each interval, in units of `scales` (n,) or (N, n)."""
     return (_density(cycle, scales) * cycle.widths) ** (cycle.scheme.degree + 1)
 
 

@@ -35,6 +35,18 @@ def scales_of(cycle: Cycle) -> np.ndarray:
     return np.maximum(amplitudes, 1e-6 * largest)
 
 
+def local_scales(problem: OrbitProblem, cycle: Cycle) -> np.ndarray:
+    """Sizes in which errors of each interval are judged (N, n): a state's amplitude, or what it is there.
+
+    No orbit crosses the axis of a state whose rate vanishes with it, and how far from there it is sets how long it
+    takes to come back: its errors count by its own size, unless it lies on the axis throughout.
+    """
+    scales = scales_of(cycle)
+    comes_near = problem.has_axis & (cycle.amplitudes >= scales)
+    own = np.clip(np.abs(cycle.values).max(axis=1), np.finfo(float).tiny, scales)
+    return np.where(comes_near, own, scales)
+
+
 def solve_cycle(
     problem: OrbitProblem,
     guess: Cycle,
@@ -89,7 +101,7 @@ def _size(step: Cycle, cycle: Cycle, scales: np.ndarray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """A cycle on a mesh made for it: `error` in units of the amplitudes, `period_error` relative."""
+    """A cycle on a mesh made for it: `error` in units of `local_scales`, `period_error` relative."""
 
     solution: Solution[Cycle]
     error: float
@@ -120,7 +132,7 @@ def refine(
             # A mesh too coarse for this cycle: the one before stands, with its own error.
             return Refined(best.solution, best.error, best.period_error, solution.status, iterations, count)
         cycle = solution.point
-        scales = scales_of(cycle)
+        scales = local_scales(problem, cycle)
         error = float(interval_errors(cycle, scales).max())
         # Between two meshes; of the coarser one rather, so that it errs on the safe side.
         change = abs(cycle.period / period - 1.0) if count > 1 else np.inf

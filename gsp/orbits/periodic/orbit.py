@@ -41,8 +41,9 @@ class PeriodicOrbit(Drawn, Tabular):
     (m,), from 0 to 1, both included; `.at(s)` the state at any phase. `multipliers` (n,) are Floquet's, the trivial
     one first, which is 1 but for errors (large ones along a canard, where growth and decay cancel), then by decreasing
     size; `divergence` is the integral of div F over the period, the logarithm of their product. `error` estimates
-    the error of u in units of the amplitudes, `period_error` the relative one of the period (NaN in a family, where it
-    is not estimated); `residual` is the largest defect of the discrete equations in units of the amplitudes. `status`
+    the error of u in units of the amplitudes, or relative to u in a state whose rate vanishes with it, `period_error`
+    the relative one of the period (NaN in a family, where it is not estimated); `residual` is the largest defect of the
+    discrete equations in units of the amplitudes. `status`
     says how it ended. At MESH_LIMIT the errors are those that were reached; at any other but SUCCESS the values are the
     last iterate, no orbit, and are not printed.
     """

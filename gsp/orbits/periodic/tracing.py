@@ -21,7 +21,7 @@ from gsp.errors import Status
 from gsp.orbits.periodic.collocation import Cycle, LinearCondition, OrbitProblem, phase_condition
 from gsp.orbits.periodic.floquet import multipliers
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
-from gsp.orbits.periodic.newton import WASTEFUL, scales_of, solve_cycle
+from gsp.orbits.periodic.newton import WASTEFUL, local_scales, scales_of, solve_cycle
 from gsp.systems.region import Interval
 from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 from gsp.tracing.newton import Solution
@@ -130,7 +130,7 @@ class CycleTracer(Tracer[Row]):
         length = float(np.sqrt(self.inner(cycle, moving, moving)))
         if not 0.0 < length < np.inf:
             raise np.linalg.LinAlgError("no tangent")
-        error = float(interval_errors(cycle, scales).max())
+        error = float(interval_errors(cycle, local_scales(self.problem, cycle)).max())
         met = error <= 10.0 * self.controls.tolerance
         return Row(
             cycle, tangent.times(1.0 / length), moving.times(1.0 / length), drift / length, divergence,
@@ -171,7 +171,7 @@ class CycleTracer(Tracer[Row]):
         tolerance, iterations = self.controls.tolerance, solution.iterations
         for _ in range(4):
             cycle = solution.point
-            scales = scales_of(cycle)
+            scales = local_scales(self.problem, cycle)
             error = float(interval_errors(cycle, scales).max())
             least = growth_density(self.problem, cycle)
             # It is kept while its intervals have 1.5 times the growth that they may have.
