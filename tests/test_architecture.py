@@ -51,18 +51,21 @@ class Module:
     arguments: dict[str, int]
     reached: frozenset[str]
     is_dynamic: bool
+    named_numbers: int
 
 
 @cache
 def read(path: Path) -> Module:
     """Parsed once, by whichever test asks first."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = list(ast.walk(tree))
     return Module(
         imports(nodes),
         tuple(forbidden(nodes)),
         arguments(nodes),
         reached(nodes, NAMES),
         any(map(is_dynamic, nodes)),
+        named_numbers(tree),
     )
 
 
@@ -308,6 +311,25 @@ def test_a_run_is_one_record_and_no_row_of_arguments() -> None:
         if name not in VERBS and count > MOST_ARGUMENTS
     ]
     assert long == []
+
+
+def named_numbers(tree: ast.Module) -> int:
+    """How many constants of a module are numbers, as A = 1 and A, B = 1, -2.0 are three."""
+    count = 0
+    for node in tree.body:
+        for target in node.targets if isinstance(node, ast.Assign) else ():
+            are_many = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+            for name, value in zip(target.elts, node.value.elts) if are_many else [(target, node.value)]:
+                number = value.operand if isinstance(value, ast.UnaryOp) else value
+                is_number = isinstance(number, ast.Constant) and type(number.value) in (int, float)
+                count += is_number and isinstance(name, ast.Name) and name.id.strip("_").isupper()
+    return count
+
+
+def test_few_numbers_have_names() -> None:
+    """Each is a decision: what the tolerance, rounding or the problem's scale gives is computed from it."""
+    assert named_numbers(ast.parse("A, B = 1, -2.0\nC = 3\nD = A\nE = (1, 2)\nlower = 1\nF = True")) == 3
+    assert sum(read(path).named_numbers for _, path in modules()) <= 600
 
 
 def test_no_public_function_has_the_name_of_a_module() -> None:
