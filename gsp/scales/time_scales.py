@@ -4,8 +4,6 @@ At each time the modes of the Jacobian, fastest first, z' = sum_r a_r (b^r . F).
 all that they do in the time scale of the next is within the tolerance (Lam and Goussis 1989),
 
     |sum_(r <= M) a_r (b^r . F) tau_(M+1)| < rtol |z| + atol    in each state.                                    (1)
-
-What moves steadily has no time scale but the run's: tau_(M+1) is at most the length of the span.
 """
 
 from __future__ import annotations
@@ -260,10 +258,7 @@ def time_scales(
     for i, jacobian in enumerate(jacobians):
         show((1 + i / len(jacobians)) / 2)
         found.append(modes_of(jacobian, coordinates))
-    slowest, moving = 1.0 / abs(span[1] - span[0]), n - len(laws)
-    exhausted = [
-        _exhausted(modes, force, atol, slowest, moving) for modes, force, atol in zip(found, forces, tolerance)
-    ]
+    exhausted = [_exhausted(modes, force, atol) for modes, force, atol in zip(found, forces, tolerance)]
     rates = np.array([modes.rates for modes in found])
     return TimeScales(
         run=run,
@@ -272,7 +267,7 @@ def time_scales(
         rates=frozen(rates),
         groups=frozen(np.array([modes.groups for modes in found])),
         exhausted=frozen(np.array(exhausted)),
-        gap=frozen(np.array([_gap(row, m, slowest) for row, m in zip(rates, exhausted)])),
+        gap=frozen(np.array([_gap(row, m) for row, m in zip(rates, exhausted)])),
         pointers=frozen(np.array([modes.pointers for modes in found])),
         right=frozen(np.array([modes.right.T for modes in found])),
         left=frozen(np.array([modes.left for modes in found])),
@@ -280,19 +275,16 @@ def time_scales(
     )
 
 
-def _exhausted(modes: Modes, force: np.ndarray, tolerance: np.ndarray, slowest: float, moving: int) -> int:
-    """The largest M with (1), all of whose modes decay and whose next one moves: the first `moving` are not conserved.
-
-    `slowest` is the rate of the run.
-    """
+def _exhausted(modes: Modes, force: np.ndarray, tolerance: np.ndarray) -> int:
+    """The largest M with (1), all of whose modes decay and whose next one moves."""
     amplitudes = modes.left @ force
     moved = np.cumsum(modes.right * amplitudes, axis=1)
     best = 0
-    for m in modes.ends[modes.ends < moving]:
+    for m in modes.ends[:-1]:
         if np.real(modes.rates[m - 1]) >= 0.0:
             break
-        after = max(abs(modes.rates[m]), slowest)
-        if (np.abs(moved[:, m - 1]) < tolerance * after).all():
+        after = abs(modes.rates[m])
+        if after > 0.0 and (np.abs(moved[:, m - 1]) < tolerance * after).all():
             best = int(m)
     return best
 
@@ -303,5 +295,5 @@ def _shares(amounts: np.ndarray) -> np.ndarray:
     return np.divide(amounts, total, out=np.zeros_like(amounts), where=total > 0.0)
 
 
-def _gap(rates: np.ndarray, m: int, slowest: float) -> float:
-    return float(abs(rates[m - 1]) / max(abs(rates[m]), slowest)) if m else 1.0
+def _gap(rates: np.ndarray, m: int) -> float:
+    return float(abs(rates[m - 1]) / abs(rates[m])) if m else 1.0

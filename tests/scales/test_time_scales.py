@@ -202,22 +202,6 @@ def test_groups_participate_together() -> None:
     assert (found.participation[:, 0] >= 0.0).all()
 
 
-def test_what_moves_steadily_is_slow_and_what_is_conserved_is_no_next_mode() -> None:
-    # The rate of x is 0, its time scale that of the span.
-    ramp = time_scales(
-        VectorField({x: sp.Integer(1), y: -100 * (y - x)}),
-        start={"x": 1, "y": 0},
-        span=(0, 2),
-        at=[0.0, 0.5, 2.0],
-    )
-    assert ramp.exhausted.tolist() == [0, 1, 1]
-    assert ramp.gap[1:] == pytest.approx(200.0)
-    still = time_scales(
-        VectorField({x: y - 100 * x, y: 100 * x - y}), start={"x": 1, "y": 0}, span=(0, 2), at=[0.0, 0.5, 2.0]
-    )
-    assert still.exhausted.tolist() == [0, 0, 0]
-
-
 def test_a_growing_mode_is_never_exhausted() -> None:
     found = time_scales(VectorField({x: -x, y: 100 * (y - x)}), start={"x": 1, "y": 100 / 101}, span=(0, 0.05))
     assert (found.exhausted == 0).all()
