@@ -56,6 +56,9 @@ STYLE: Any = {
     "legend.fontsize": 9,
     "legend.handlelength": 1.8,
     "lines.linewidth": 1.5,
+    # Of axes in space alone.
+    "grid.color": "#E3E6EA",
+    "grid.linewidth": 0.6,
 }
 P = ParamSpec("P")
 
@@ -202,7 +205,6 @@ def solid_axes(axes: Any, names: Sequence[str]) -> None:
     for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), names):
         axis.set_major_locator(MaxNLocator(5))
         axis.set_pane_color((1, 1, 1, 0))
-        axis._axinfo["grid"].update(color="#E3E6EA", linewidth=0.6)
         axis.set_rotate_label(False)
         axis.set_label_text(mathematics(name))
 

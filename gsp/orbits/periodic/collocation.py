@@ -94,6 +94,11 @@ class LinearCondition:
     value: float
 
 
+def with_axis(flow: Flow) -> list[bool]:
+    """For each state whether its rate vanishes with it, so that no orbit crosses its axis."""
+    return [rate.xreplace({z: sp.S.Zero}) == 0 for z, rate in zip(flow.states, flow.rates)]
+
+
 class OrbitProblem:
     """The equation of a cycle for one flow: F, its derivatives, and `free`, the parameter that may vary."""
 
@@ -102,11 +107,8 @@ class OrbitProblem:
         self.compiled = compile_flow(flow)
         self.p = p
         self.free = free
+        self.has_axis = np.array(with_axis(flow))
         # Where p = (epsilon, *parameters) holds it; epsilon itself may be free.
-        # States whose rates vanish with them.
-        self.has_axis = np.array(
-            [rate.xreplace({z: sp.S.Zero}) == 0 for z, rate in zip(flow.states, flow.rates)]
-        )
         self.place = 0 if free is None or free == flow.epsilon else 1 + list(flow.parameters).index(free)
         self.by_parameter: CompiledFunction | None = None
         if free is not None:

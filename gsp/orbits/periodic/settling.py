@@ -10,13 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import sympy as sp
 
 from gsp.collocation.gauss import gauss
 from gsp.errors import GspError, Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
-from gsp.orbits.periodic.collocation import Cycle
+from gsp.orbits.periodic.collocation import Cycle, with_axis
 from gsp.orbits.periodic.mesh import FEWEST, adapted
 from gsp.orbits.periodic.newton import scales_of
 from gsp.roots import roots
@@ -207,11 +206,11 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
 
 
 def _crossed(run: Trajectory, flow: Flow) -> str | None:
-    """The first state that changes its sign along the run though its rate vanishes with it; None where none does."""
+    """The first state that changes its sign along the run though no orbit crosses its axis; None where none does."""
     found: dict[int, str] = {}
-    for symbol, rate, values in zip(flow.states, flow.rates, run.y):
+    for symbol, has_axis, values in zip(flow.states, with_axis(flow), run.y):
         beyond = -np.sign(values[0]) * values > RTOL * np.abs(values).max()
-        if beyond.any() and rate.xreplace({symbol: sp.S.Zero}) == 0:
+        if beyond.any() and has_axis:
             found.setdefault(int(np.argmax(beyond)), symbol.name)
     return found[min(found)] if found else None
 
