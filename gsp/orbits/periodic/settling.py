@@ -209,7 +209,8 @@ def _crossed(run: Trajectory, flow: Flow) -> str | None:
     """The first state that changes its sign along the run though no orbit crosses its axis; None where none does."""
     found: dict[int, str] = {}
     for symbol, has_axis, values in zip(flow.states, with_axis(flow), run.y):
-        beyond = -np.sign(values[0]) * values > RTOL * np.abs(values).max()
+        # Of its size until then: what has crossed runs away from its axis.
+        beyond = -np.sign(values[0]) * values > RTOL * np.maximum.accumulate(np.abs(values))
         if beyond.any() and has_axis:
             found.setdefault(int(np.argmax(beyond)), symbol.name)
     return found[min(found)] if found else None
