@@ -45,7 +45,7 @@ def on_uniform_mesh(degree: int, intervals: int):
     mesh = np.linspace(0, 1, intervals + 1)
     angle = 2 * math.pi * (mesh[:-1, None] + np.diff(mesh)[:, None] * gauss(degree).x)
     guess = Cycle(mesh, 1.01 * np.stack([np.cos(angle), np.sin(angle)], axis=2), 7.0)
-    solution = solve_cycle(problem, guess, scales=scales_of(guess))
+    solution = solve_cycle(problem, guess, scales=scales_of(problem, guess))
     assert solution.status is Status.SUCCESS
     return solution.point
 
@@ -464,6 +464,28 @@ def test_a_cycle_is_found_in_units_in_which_it_is_smaller_than_tolerances(unit) 
     assert gsp.periodic_orbit(
         scaled, start={"x": 2 * float(unit), "y": 0}, epsilon=0.01, period=1.9
     ).period == (pytest.approx(1.9078369566939, abs=1e-11))
+
+
+@pytest.mark.parametrize("units", [(1, 1, R(1, 10**15)), (10**9, 1, R(1, 10**9)), (1, 1, 10**20)])
+def test_a_cycle_and_its_family_do_not_depend_on_how_far_apart_units_are(units) -> None:
+    m = sp.Symbol("m")
+    rates = (m * x - y - x * (x**2 + y**2) + z / 10, x + m * y - y * (x**2 + y**2), x**2 - z)
+    size = dict(zip((x, y, z), units))
+
+    def found(chosen: dict) -> tuple:
+        within = {s: s / chosen[s] for s in chosen}
+        field = gsp.VectorField(
+            {s: chosen[s] * rate.xreplace(within) for s, rate in zip(chosen, rates)}, parameters={m: R(1, 2)}
+        )
+        orbit = gsp.periodic_orbit(field, start={"x": float(chosen[x]), "y": 0, "z": float(chosen[z])})
+        family = gsp.continue_orbits(orbit, parameter=m, bounds=(0.1, 0.5), direction=-1)
+        return orbit, family
+
+    here, there = found(dict.fromkeys((x, y, z), sp.S.One)), found(size)
+    assert there[0].period == pytest.approx(here[0].period, rel=1e-12)
+    assert there[0].multipliers == pytest.approx(here[0].multipliers, abs=1e-9)
+    assert there[0].error < 1e-8
+    assert there[1].period[-1] == pytest.approx(here[1].period[-1], rel=1e-9)
 
 
 def test_a_run_that_crosses_an_invariant_axis_says_so_and_its_remedy_finds_the_cycle() -> None:

@@ -23,7 +23,7 @@ def lap(
         return np.array([radius * np.cos(TURN * t), radius * np.sin(TURN * t)])
 
     times = np.linspace(first, end, round(400 * abs(end - first)) + 1)
-    options = {"closes": 1e-6, **options}
+    options = {"closes": 1e-6, "atol": 1e-12, **options}
     return _lap_in_section(SimpleNamespace(at=at), times, at(times), 0, 0.0, **options)  # pyright: ignore[reportArgumentType]
 
 

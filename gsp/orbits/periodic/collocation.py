@@ -99,6 +99,13 @@ def with_axis(flow: Flow) -> list[bool]:
     return [rate.xreplace({z: sp.S.Zero}) == 0 for z, rate in zip(flow.states, flow.rates)]
 
 
+def driven(flow: Flow, states: list[int]) -> list[int]:
+    """Those of `states`, by number, which the others move though all that are not moved so are 0."""
+    zero = {flow.states[k]: sp.S.Zero for k in states}
+    still = [k for k in states if flow.rates[k].xreplace(zero) == 0]
+    return [] if still == states else [*set(states).difference(still), *driven(flow, still)]
+
+
 class OrbitProblem:
     """The equation of a cycle for one flow: F, its derivatives, and `free`, the parameter that may vary."""
 

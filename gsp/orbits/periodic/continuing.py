@@ -194,7 +194,7 @@ def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
 def _beside(tracer: CycleTracer, rest: Cycle, step: Cycle) -> Row | None:
     """The cycle as far from an equilibrium as the step leads, in its direction; None where Newton's method fails."""
     guess = rest.moved(step)
-    scales = scales_of(guess)
+    scales = scales_of(tracer.problem, guess)
     weight = guess.scheme.b[:, None] * guess.widths[:, None, None]
     weights = step.values[:, 1:] / scales**2
     weights = weights / float(np.sum(weight * weights * step.values[:, 1:]))

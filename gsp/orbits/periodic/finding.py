@@ -121,8 +121,8 @@ def _solved(
     size, nearest = np.full(problem.size, np.inf), np.inf
     # Errors that first meshes are made for, in turn: Newton's method may need a finer one to begin with.
     for error in (1e-8, 1e-11):
-        guess = lap.cycle(degree, error=error, most=most)
-        size = scales_of(guess)
+        guess = lap.cycle(problem, degree, error=error, most=most)
+        size = scales_of(problem, guess)
         nearest = min(nearest, isolation_of(problem, guess))
         found = refine(problem, guess, tolerance=tolerance, most=most, progress=progress)
         if best is None or found.status.ok or found.error < best.error:
@@ -140,7 +140,7 @@ def _solved(
             "The run from start closes by itself, as around a centre or a slow focus: there is no isolated "
             "orbit. Start elsewhere, or change a parameter.",
         )
-    times = _times_around(cycle) if best.status.ok else 1
+    times = _times_around(problem, cycle) if best.status.ok else 1
     if times > 1:
         once = Cycle(cycle.mesh, _part(cycle, times), cycle.period / times)
         best = refine(problem, once, tolerance=tolerance, most=most, progress=progress)
@@ -153,7 +153,7 @@ def isolation_of(problem: OrbitProblem, cycle: Cycle) -> float:
         with np.errstate(all="ignore"):
             transfers = problem.linearise(cycle).transfers
             rates = problem.compiled.rates(cycle.values[:, 0], problem.constants(cycle))
-            found = isolation(transfers, rates, scales_of(cycle))
+            found = isolation(transfers, rates, scales_of(problem, cycle))
     except (np.linalg.LinAlgError, ValueError):
         return np.inf
     return found if np.isfinite(found) else np.inf
@@ -175,9 +175,9 @@ def _check_isolated(problem: OrbitProblem, refined: Refined, before: float) -> N
         )
 
 
-def _times_around(cycle: Cycle) -> int:
+def _times_around(problem: OrbitProblem, cycle: Cycle) -> int:
     """How many times a cycle runs around the same orbit."""
-    scales = scales_of(cycle)
+    scales = scales_of(problem, cycle)
     s = np.linspace(0.0, 1.0, 400, endpoint=False)
     here, times = cycle.at(s), 1
     for k in range(2, MOST_CROSSINGS + 1):
@@ -196,7 +196,7 @@ def _part(cycle: Cycle, times: int) -> np.ndarray:
 def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
     """The result, with everything that is read off the linearisation at the cycle itself."""
     cycle = refined.solution.point
-    scales = scales_of(cycle)
+    scales = scales_of(problem, cycle)
     status, divergence = refined.status, float("nan")
     found = np.full(problem.size, complex(np.nan))
     try:
@@ -235,7 +235,7 @@ def orbit_of(
         divergence=divergence,
         error=errors[0],
         period_error=errors[1],
-        residual=problem.residual(cycle, scales_of(cycle)),
+        residual=problem.residual(cycle, scales_of(problem, cycle)),
         status=status,
         stats=OrbitStats(*counts, len(cycle.mesh) - 1),
         _cycle=cycle,

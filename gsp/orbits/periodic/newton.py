@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gsp.errors import Status
-from gsp.orbits.periodic.collocation import Cycle, LinearCondition, OrbitProblem, phase_condition
+from gsp.orbits.periodic.collocation import Cycle, LinearCondition, OrbitProblem, driven, phase_condition
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
 from gsp.tracing.newton import Rules, Solution, newton
 
@@ -28,11 +28,27 @@ WASTEFUL = 1e-3
 Conditions = Callable[[Cycle], Sequence[LinearCondition]]
 
 
-def scales_of(cycle: Cycle) -> np.ndarray:
-    """Amplitude of each state (n,); for a state that hardly moves, a small share of the largest."""
+def scales_of(problem: OrbitProblem, cycle: Cycle) -> np.ndarray:
+    """Amplitude of each state (n,); of one that hardly moves, no less than what counts as moving.
+
+    That is a small share of what the others move it by: |F_u| times their amplitudes, for as long as it remembers or
+    the period lasts. Nor is rounding of its own size a movement. Where the small states would stay 0 by themselves, no
+    unit of theirs is known but the largest amplitude.
+    """
     amplitudes = cycle.amplitudes
-    largest = float(amplitudes.max(initial=0.0)) or 1.0
-    return np.maximum(amplitudes, 1e-6 * largest)
+    least = 1e-6 * (float(amplitudes.max(initial=0.0)) or 1.0)
+    small = amplitudes < least
+    from_others = driven(problem.flow, np.flatnonzero(small).tolist())
+    if not from_others:
+        return np.maximum(amplitudes, least)
+    pushes = np.einsum("j,k,jkil->il", cycle.widths, cycle.scheme.b, np.abs(problem.jacobians(cycle)))
+    remembered = np.maximum(np.diag(pushes), 1.0 / cycle.period)
+    np.fill_diagonal(pushes, 0.0)
+    moved = 1e-6 * (pushes * amplitudes).max(axis=1) / remembered
+    rounding = np.sqrt(np.finfo(float).eps) * np.abs(cycle.values).max(axis=(0, 1))
+    own = np.maximum(moved, rounding)
+    small[[k for k in from_others if own[k] > 0.0]] = False
+    return np.maximum(amplitudes, np.where(small, least, own))
 
 
 def local_scales(problem: OrbitProblem, cycle: Cycle) -> np.ndarray:
@@ -41,7 +57,7 @@ def local_scales(problem: OrbitProblem, cycle: Cycle) -> np.ndarray:
     No orbit crosses the axis of a state whose rate vanishes with it, and how far from there it is sets how long it
     takes to come back: its errors count by its own size, unless it lies on the axis throughout.
     """
-    scales = scales_of(cycle)
+    scales = scales_of(problem, cycle)
     comes_near = problem.has_axis & (cycle.amplitudes >= scales)
     own = np.clip(np.abs(cycle.values).max(axis=1), np.finfo(float).tiny, scales)
     return np.where(comes_near, own, scales)
@@ -124,7 +140,7 @@ def refine(
     best: Refined | None = None
     # Meshes tried: each is right for the cycle on the one before.
     for count in range(1, 12 + 1):
-        solution = solve_cycle(problem, cycle, scales=scales_of(cycle))
+        solution = solve_cycle(problem, cycle, scales=scales_of(problem, cycle))
         iterations += solution.iterations
         if not solution.status.ok:
             if best is None:

@@ -15,7 +15,7 @@ from gsp.collocation.gauss import gauss
 from gsp.errors import GspError, Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
-from gsp.orbits.periodic.collocation import Cycle, with_axis
+from gsp.orbits.periodic.collocation import Cycle, OrbitProblem, with_axis
 from gsp.orbits.periodic.mesh import FEWEST, adapted
 from gsp.orbits.periodic.newton import scales_of
 from gsp.roots import roots
@@ -49,7 +49,7 @@ class Lap:
     start: float
     length: float
 
-    def cycle(self, degree: int, *, error: float, most: int) -> Cycle:
+    def cycle(self, problem: OrbitProblem, degree: int, *, error: float, most: int) -> Cycle:
         """The lap as a discrete cycle in forward time, on a mesh made for an error in units of its amplitudes."""
         first, last = sorted((self.start, self.start + self.length))
         steps = np.sort(self.run.t)
@@ -59,7 +59,7 @@ class Lap:
         count = max(4 * (len(knots) - 1), FEWEST)
         mesh = np.unique(np.interp(np.linspace(0.0, len(knots) - 1.0, count + 1), np.arange(len(knots)), knots))
         fine = self._sampled(mesh, degree, first, last)
-        return self._sampled(adapted(fine, scales_of(fine), error, most=most), degree, first, last)
+        return self._sampled(adapted(fine, scales_of(problem, fine), error, most=most), degree, first, last)
 
     def _sampled(self, mesh: np.ndarray, degree: int, first: float, last: float) -> Cycle:
         places = gauss(degree).places(mesh).ravel()
@@ -142,7 +142,7 @@ def _settled(
                 got=f"start {in_words(start)}",
             ), run
         # A cycle is run around for ever: a run that gets through is on none.
-        lap = None if run.status.ok else _closed_lap(run, closes)
+        lap = None if run.status.ok else _closed_lap(run, closes, atol)
         if lap is not None:
             return lap, run
         if _at_rest(run, atol):
@@ -171,7 +171,7 @@ def _settled(
             progress(steps / max_steps)
         if steps >= max_steps:
             # Chaos settles nowhere, but comes back now and then: whether in its very last lap is chance.
-            lap = _closed_lap(run, closes, last=False)
+            lap = _closed_lap(run, closes, atol, last=False)
             if lap is not None:
                 return lap, run
             return OrbitError(
@@ -225,7 +225,7 @@ def _at_rest(run: Trajectory, atol: float) -> bool:
     return bool((moved <= AT_REST * size + atol).all())
 
 
-def _closed_lap(run: Trajectory, closes: float, *, last: bool = True) -> Lap | None:
+def _closed_lap(run: Trajectory, closes: float, atol: float, *, last: bool = True) -> Lap | None:
     """A lap of the run's second half that closes, its `last` or any, in the section with the shortest one."""
     t = run.t[len(run.t) // 2 :]
     if len(t) < 4 or not np.isfinite(t).all():
@@ -239,14 +239,14 @@ def _closed_lap(run: Trajectory, closes: float, *, last: bool = True) -> Lap | N
     for k in range(len(states)):
         if high[k] - low[k] <= AT_REST * max(abs(low[k]), abs(high[k])):
             continue
-        lap = _lap_in_section(run, times, states, k, 0.5 * (low[k] + high[k]), closes, last=last)
+        lap = _lap_in_section(run, times, states, k, 0.5 * (low[k] + high[k]), closes, atol, last=last)
         if lap is not None and (found is None or abs(lap.length) < abs(found.length) * (1.0 - 1e-3)):
             found = lap
     return found
 
 
 def _lap_in_section(
-    run: Trajectory, times, states, k: int, level: float, closes: float, *, last: bool = True
+    run: Trajectory, times, states, k: int, level: float, closes: float, atol: float, *, last: bool = True
 ) -> Lap | None:
     above = states[k] > level
     places = np.flatnonzero(above[1:] & ~above[:-1])
@@ -255,13 +255,15 @@ def _lap_in_section(
     ends = states[k, places] - level, states[k, places + 1] - level
     b = roots(lambda t: run.at(t)[k] - level, times[places], times[places + 1], ends=ends)
     points = run.at(b)
-    whole = np.ptp(states, axis=1)[:, None]
+    # What counts for nothing: the run's own errors.
+    still = AT_REST * np.abs(states).max(axis=1)
+    whole = np.ptp(states, axis=1) + still
     for laps in range(1, min(MOST_CROSSINGS, len(places) - 1) + 1):
         gaps = np.abs(points[:, laps:] - points[:, :-laps])
         # No lap has more than the amplitude of the whole.
-        near = np.flatnonzero((gaps <= closes * (whole + 1e-6 * whole.max())).all(axis=0))
+        near = np.flatnonzero((gaps <= closes * whole[:, None] + 10.0 * atol).all(axis=0))
         for j in near[near == gaps.shape[1] - 1] if last else near[::-1]:
             amplitude = np.ptp(states[:, places[j] + 1 : places[j + laps] + 1], axis=1)
-            if (gaps[:, j] <= closes * (amplitude + 1e-6 * amplitude.max())).all():
+            if (gaps[:, j] <= closes * (amplitude + still) + 10.0 * atol).all():
                 return Lap(run, float(b[j]), float(b[j + laps] - b[j]))
     return None

@@ -75,13 +75,13 @@ class CycleTracer(Tracer[Row]):
 
     def inner(self, at: Cycle, a: Cycle, b: Cycle) -> float:
         """Inner product of two differences of cycles on the mesh of `at`, in its units."""
-        weight = at.scheme.b[:, None] * at.widths[:, None, None] / scales_of(at) ** 2
+        weight = at.scheme.b[:, None] * at.widths[:, None, None] / scales_of(self.problem, at) ** 2
         states = float(np.sum(weight * a.values[:, 1:] * b.values[:, 1:]))
         return states + a.period * b.period / at.period**2 + a.parameter * b.parameter / self.width**2
 
     def across(self, at: Cycle, tangent: Cycle) -> Callable[[Cycle], LinearCondition]:
         """The condition <cycle - at, tangent> = 0."""
-        weights = tangent.values[:, 1:] / scales_of(at) ** 2
+        weights = tangent.values[:, 1:] / scales_of(self.problem, at) ** 2
 
         def condition(cycle: Cycle) -> LinearCondition:
             moved = cycle.moved(at, -1.0)
@@ -106,7 +106,7 @@ class CycleTracer(Tracer[Row]):
         condition: Callable[[Cycle], LinearCondition],
     ) -> Solution[Cycle]:
         """Newton's method with that condition, the phase held against `reference`."""
-        scales = scales_of(reference)
+        scales = scales_of(self.problem, reference)
         return solve_cycle(
             self.problem,
             guess,
@@ -121,7 +121,7 @@ class CycleTracer(Tracer[Row]):
     ) -> Row:
         """What belongs to a cycle: its tangent on the side of the condition, multipliers, error."""
         cycle = solution.point
-        scales = scales_of(cycle)
+        scales = scales_of(self.problem, cycle)
         linear, divergence = self.problem.linearise(cycle), self.problem.divergence(cycle)
         held = [phase_condition(cycle, cycle, scales), condition(cycle)]
         tangent = self.problem.steps(linear, cycle, held, scales, np.array([[0.0, 1.0]]))[1]
