@@ -4,6 +4,9 @@ At each time the modes of the Jacobian, fastest first, z' = sum_r a_r (b^r . F).
 all that they do in the time scale of the next is within the tolerance (Lam and Goussis 1989),
 
     |sum_(r <= M) a_r (b^r . F) tau_(M+1)| < rtol |z| + atol    in each state.                                    (1)
+
+Beside a clock, a state whose rate is a number, no tau but those of conserved sums is longer than the run: a clock has
+no other.
 """
 
 from __future__ import annotations
@@ -69,9 +72,8 @@ class TimeScales(Portable, Drawn, Tabular):
 
     @cached_property
     def times(self) -> np.ndarray:
-        """tau_r = 1/|lambda_r| (k, n), infinite for what is conserved."""
-        with np.errstate(divide="ignore"):
-            return frozen(1.0 / np.abs(self.rates))
+        """tau_r = 1/|lambda_r| (k, n), infinite for conserved sums; beside a clock the others are at most the run's."""
+        return frozen(_times(self.run, self.rates, len(self.conserved)))
 
     @cached_property
     def separated(self) -> np.ndarray:
@@ -258,8 +260,9 @@ def time_scales(
     for i, jacobian in enumerate(jacobians):
         show((1 + i / len(jacobians)) / 2)
         found.append(modes_of(jacobian, coordinates))
-    exhausted = [_exhausted(modes, force, atol) for modes, force, atol in zip(found, forces, tolerance)]
     rates = np.array([modes.rates for modes in found])
+    times = _times(run, rates, len(laws))
+    exhausted = [_exhausted(*given) for given in zip(found, times, forces, tolerance)]
     return TimeScales(
         run=run,
         t=frozen(t),
@@ -267,7 +270,7 @@ def time_scales(
         rates=frozen(rates),
         groups=frozen(np.array([modes.groups for modes in found])),
         exhausted=frozen(np.array(exhausted)),
-        gap=frozen(np.array([_gap(row, m) for row, m in zip(rates, exhausted)])),
+        gap=frozen(np.array([_gap(tau, m) for tau, m in zip(times, exhausted)])),
         pointers=frozen(np.array([modes.pointers for modes in found])),
         right=frozen(np.array([modes.right.T for modes in found])),
         left=frozen(np.array([modes.left for modes in found])),
@@ -275,16 +278,25 @@ def time_scales(
     )
 
 
-def _exhausted(modes: Modes, force: np.ndarray, tolerance: np.ndarray) -> int:
+def _times(run: Trajectory, rates: np.ndarray, conserved: int) -> np.ndarray:
+    """tau_r (k, n) of rates whose last ones are those of conserved sums."""
+    with np.errstate(divide="ignore"):
+        tau = 1.0 / np.abs(rates)
+    if any(rate.is_number and rate != 0 for rate in run.flow.rates):
+        moving = slice(tau.shape[1] - conserved)
+        tau[:, moving] = np.minimum(tau[:, moving], np.ptp(run.t))
+    return tau
+
+
+def _exhausted(modes: Modes, tau: np.ndarray, force: np.ndarray, tolerance: np.ndarray) -> int:
     """The largest M with (1), all of whose modes decay and whose next one moves."""
     amplitudes = modes.left @ force
-    moved = np.cumsum(modes.right * amplitudes, axis=1)
+    moved = np.abs(np.cumsum(modes.right * amplitudes, axis=1))
     best = 0
     for m in modes.ends[:-1]:
         if np.real(modes.rates[m - 1]) >= 0.0:
             break
-        after = abs(modes.rates[m])
-        if after > 0.0 and (np.abs(moved[:, m - 1]) < tolerance * after).all():
+        if np.isfinite(tau[m]) and (moved[:, m - 1] * tau[m] < tolerance).all():
             best = int(m)
     return best
 
@@ -295,5 +307,5 @@ def _shares(amounts: np.ndarray) -> np.ndarray:
     return np.divide(amounts, total, out=np.zeros_like(amounts), where=total > 0.0)
 
 
-def _gap(rates: np.ndarray, m: int) -> float:
-    return float(abs(rates[m - 1]) / abs(rates[m])) if m else 1.0
+def _gap(tau: np.ndarray, m: int) -> float:
+    return float(tau[m] / tau[m - 1]) if m else 1.0

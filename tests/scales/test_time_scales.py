@@ -202,6 +202,27 @@ def test_groups_participate_together() -> None:
     assert (found.participation[:, 0] >= 0.0).all()
 
 
+@pytest.mark.parametrize("by_clock", [False, True])
+def test_beside_a_clock_the_run_is_the_longest_time_scale_and_a_conserved_sum_has_none(by_clock: bool) -> None:
+    # The rate of x is 0 beside a clock, or its own; u + v is conserved, and its rate is 0 whatever else there is.
+    t, u, v = sp.symbols("t u v")
+    pair = {u: v - 100 * u, v: 100 * u - v}
+    forced = {x: y - x - sp.sin(t), y: -100 * (y - x), t: sp.Integer(1)} if by_clock else {}
+    found = time_scales(
+        VectorField({**forced, **pair}),
+        start=dict.fromkeys(map(str, {**forced, **pair}), 1.0),
+        span=(0, 20),
+        at=[0.0, 5.0, 20.0],
+    )
+    assert found.exhausted.tolist() == ([0, 2, 2] if by_clock else [0, 0, 0])
+    assert np.isinf(found.times[:, -1]).all()
+    if by_clock:
+        assert found.gap[1:] == pytest.approx(20.0 * 101.0)
+        assert found.message.startswith("From t = ")
+        assert "nothing else moves" not in found.message
+        assert found.fast(2) == ("u", "y")
+
+
 def test_a_growing_mode_is_never_exhausted() -> None:
     found = time_scales(VectorField({x: -x, y: 100 * (y - x)}), start={"x": 1, "y": 100 / 101}, span=(0, 0.05))
     assert (found.exhausted == 0).all()
