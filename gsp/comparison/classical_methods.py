@@ -162,13 +162,18 @@ class FraserRoussel:
     resolved: bool
 
     @staticmethod
-    def over(branch: Branch, x: np.ndarray, *, epsilon: float, iterates: int) -> FraserRoussel:
-        """On the box that contains the points `x` (m, n_slow), for iterates through `iterates`."""
+    def over(
+        branch: Branch, x: np.ndarray, *, epsilon: float, iterates: int, dropped: float = 10.0
+    ) -> FraserRoussel:
+        """On the box that contains the points `x` (m, n_slow), for iterates through `iterates`.
+
+        Coefficients below `dropped` roundings a point count as rounding.
+        """
         model = Model(branch.system, epsilon)
         low, high = x.min(axis=0), x.max(axis=0)
         flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
         box = np.stack([low - flat, high + flat], axis=1)
-        surfaces, resolved = _iterated(branch, model, box, iterates - 1) if iterates else ([], True)
+        surfaces, resolved = _iterated(branch, model, box, iterates - 1, dropped) if iterates else ([], True)
         return FraserRoussel(branch, epsilon, tuple(surfaces), model.evaluations, resolved)
 
     def points(self, x: np.ndarray, iterate: int) -> Points:
@@ -179,9 +184,15 @@ class FraserRoussel:
         slopes = self.surfaces[iterate - 1].derivative(x)
         return _solved(model, x, self.branch.points(x), lambda z, jacobian: slopes)
 
+    def noise(self, x: np.ndarray) -> list[float]:
+        """How far h_0, h_1, ... at the points that span the box move when one digit more counts as rounding."""
+        iterates = len(self.surfaces)
+        other = FraserRoussel.over(self.branch, x, epsilon=self.epsilon, iterates=iterates, dropped=100.0)
+        return [float(np.abs(self.points(x, k).y - other.points(x, k).y).max()) for k in range(iterates + 1)]
+
 
 def _iterated(
-    branch: Branch, model: Model, box: np.ndarray, iterates: int
+    branch: Branch, model: Model, box: np.ndarray, iterates: int, dropped: float
 ) -> tuple[list[ChebyshevSurface], bool]:
     """Interpolants of the iterates h_0 to h_k on a grid fine enough for all of them, if it may be so fine."""
     sizes = [FIRST] * len(box)
@@ -198,7 +209,7 @@ def _iterated(
                 break
             finer, resolved = sizes, resolved and not rough.any()
             # Coefficients of the size of rounding are dropped before differentiating.
-            surface = surface.chopped(10 * np.finfo(float).eps * scale * max(sizes))
+            surface = surface.chopped(dropped * np.finfo(float).eps * scale * max(sizes))
             surfaces.append(surface)
             if k < iterates:
                 slopes = surface.slopes(sizes).reshape(*start.shape, -1)

@@ -55,7 +55,8 @@ class MethodRow:
     """One method: `errors`, the largest at each epsilon, absolute; `fitted` and `expected` orders in epsilon.
 
     `order` is its order parameter (refinements, iterates, m, n), None where it has none. `expected` is what a theorem
-    promises in general; `fitted` is nan where the errors are at rounding. `microseconds` per point after
+    promises in general; `fitted` is nan where the errors are at rounding, or at what interpolation of iterates leaves.
+    `microseconds` per point after
     a preparation of `preparation` seconds; `evaluations` of the model per point.
     """
 
@@ -177,7 +178,7 @@ def method_table(
     references = [reference_at(branch, x, e) for e in ladder]
     floor = tuple(reference.error for reference in references)
     rows = []
-    for method in _methods(study, solved, iterated, **chosen):
+    for method in _methods(study, solved, iterated, floor, **chosen):
         errors = []
         for e, reference in zip(ladder, references):
             found = method.prepare(e)(x).y
@@ -190,7 +191,9 @@ def method_table(
                 method=method.name,
                 order=method.order,
                 errors=tuple(errors),
-                fitted=float("nan") if method.expected is None else slope(ladder, errors, floor),
+                fitted=float("nan")
+                if method.expected is None
+                else slope(ladder, errors, method.floor or floor),
                 expected=method.expected,
                 microseconds=cost,
                 evaluations=evaluations,
@@ -245,13 +248,17 @@ def _short(study: Study, orders: Sequence[int]) -> SeriesManifold | None:
 
 @dataclass(frozen=True)
 class _Method:
-    """`prepare(epsilon)` gives the function of points; whatever it computes once counts as preparation."""
+    """`prepare(epsilon)` gives the function of points; whatever it computes once counts as preparation.
+
+    `floor` is, at each epsilon, an error at which it shows no order, where that is not the reference's.
+    """
 
     name: str
     order: int | None
     expected: int | None
     prepare: Callable[[float], Evaluator]
     preparation: float | None = None
+    floor: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -267,16 +274,18 @@ class _SolvedMethod:
 
 @dataclass(frozen=True)
 class _Iterated:
-    """The Fraser-Roussel iterates over the box of the points, all on one grid, and the seconds they took."""
+    """The Fraser-Roussel iterates over the box of the points, all on one grid, the seconds they took, their noise."""
 
     found: FraserRoussel
     seconds: float
+    noise: list[float]
 
 
 def _methods(
     study: Study,
     solved: Mapping[float, _SolvedMethod],
     iterated: Mapping[float, _Iterated],
+    floor: tuple[float, ...],
     *,
     refinements,
     iterates,
@@ -292,8 +301,11 @@ def _methods(
     for q in refinements:
         yield _Method("CSP", q, q + 1, direct(csp, refinements=q))
     for k in iterates if iterated else ():
-        made = iterated[min(iterated)].seconds
-        yield _Method("Fraser-Roussel", k, k + 1, lambda e, k=k: lambda x: iterated[e].found.points(x, k), made)
+        spent = iterated[min(iterated)].seconds
+        clear = tuple(max(low, made.noise[k]) for low, made in zip(floor, iterated.values()))
+        yield _Method(
+            "Fraser-Roussel", k, k + 1, lambda e, k=k: lambda x: iterated[e].found.points(x, k), spent, clear
+        )
     for m in orders:
         yield _Method("zero-derivative", m, m + 1, lambda epsilon, m=m: _zero_derivative(branch, epsilon, m))
     for n in orders:
@@ -329,7 +341,7 @@ def _solved(branch: Branch, x: np.ndarray, epsilon: float) -> _SolvedMethod:
 def _iterated(branch: Branch, x: np.ndarray, epsilon: float, iterates: Sequence[int]) -> _Iterated:
     begun = time.perf_counter()
     found = FraserRoussel.over(branch, x, epsilon=epsilon, iterates=max(iterates, default=0))
-    return _Iterated(found, time.perf_counter() - begun)
+    return _Iterated(found, time.perf_counter() - begun, found.noise(x))
 
 
 def _box(branch: Branch, x: np.ndarray) -> dict[str, Interval]:
