@@ -2,7 +2,7 @@
 A reduced flow for another program
 ==================================
 
-`export` writes the reduced flow as text for NumPy, JAX, CasADi, C, JavaScript, Julia, LaTeX, XPPAUT or SBML. Here SciPy
+`export` writes the reduced flow as text in any of `gsp.exports.TARGETS`. Here SciPy
 integrates what was written, without gsp.
 """
 

@@ -7,7 +7,7 @@ from typing import Any
 from gsp.errors import BudgetError
 
 
-def nearest_double(number: Any) -> str:
+def printed_double(number: Any) -> str:
     """The double nearest to a rational number, as text that reads back as it; raises `BudgetError` beyond 1e308."""
     try:
         return repr(int(number.p) / int(number.q))

@@ -10,7 +10,7 @@ import sympy as sp
 from sympy.printing.codeprinter import CodePrinter
 
 from gsp.algebra.bounded_quotients import finite
-from gsp.algebra.doubles import nearest_double
+from gsp.algebra.doubles import printed_double
 from gsp.algebra.sharing import is_shared, named_parts
 from gsp.errors import UnsupportedFunctionError
 
@@ -103,14 +103,14 @@ class Printer(CodePrinter):
     _print_Dummy = _print_Symbol
 
     def _print_Integer(self, expr: Any) -> str:
-        return self._in.whole.format(int(expr)) if abs(int(expr)) <= EXACT else nearest_double(expr)
+        return self._in.whole.format(int(expr)) if abs(int(expr)) <= EXACT else printed_double(expr)
 
     _print_Zero = _print_One = _print_NegativeOne = _print_Integer
 
     def _print_Rational(self, expr: Any) -> str:
         p, q = int(expr.p), int(expr.q)
         if max(abs(p), q) > EXACT:
-            return f"({nearest_double(expr)})"
+            return f"({printed_double(expr)})"
         return f"({self._in.whole.format(p)}/{self._in.whole.format(q)})"
 
     _print_Half = _print_Rational

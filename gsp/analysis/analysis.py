@@ -187,6 +187,7 @@ def analyse(
         report(name, 1.0)
 
     with stage("split"):
+        # What all the others stand on: the splitting, the critical manifold, and the branch of it that the scene means.
         _ = study.region, study.branch
     with stage("hyperbolicity"):
         hyperbolicity = _with_proof(study.hyperbolicity)

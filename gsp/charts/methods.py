@@ -6,10 +6,25 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.charts.sampling import LINE, margins
-from gsp.charts.style import BLUE, GREEN, INK, LINES, MARKERS, SERIES, VERMILION, chart, legend, mathematics
+from gsp.charts.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    LINES,
+    MARKERS,
+    SERIES,
+    VERMILION,
+    chart,
+    legend,
+    mathematics,
+)
 from gsp.comparison.method_table import MethodTable
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.trajectory import Trajectory
+
+# A colour a family of methods, in the order of the table.
+FAMILIES = (*SERIES, INK, GREY)
 
 
 @chart(height=4.4)
@@ -27,7 +42,7 @@ def method_errors(table: MethodTable, axes: Axes) -> None:
             axes.loglog(
                 table.epsilons,
                 np.maximum(row.errors, 1e-17),
-                color=SERIES[i % len(SERIES)] if i < len(SERIES) else INK,
+                color=FAMILIES[i % len(FAMILIES)],
                 ls=LINES[j % len(LINES)],
                 marker=MARKERS[i % len(MARKERS)],
                 ms=4,

@@ -27,7 +27,7 @@ from gsp.systems.system import SlowFastSystem
 
 # Fraser-Roussel iterates are differentiated as Chebyshev interpolants. An axis has FIRST points, then more until h_0 is
 # resolved to RESOLVED and h_k to LOSS^k times that (each is felt a factor epsilon less), at most so many in all.
-FIRST, RESOLVED, LOSS, MOST_POINTS = 9, 1e-13, 100.0, 20_000
+FIRST, RESOLVED, LOSS, MOST_NODES = 9, 1e-13, 100.0, 20_000
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class FraserRoussel:
     those of Chebyshev interpolants, so that the iterates h_0 to h_(k-1) at one epsilon are `surfaces` on one grid over
     a box, of one to three slow variables.
 
-    `evaluations` of the model were spent on them; `resolved` says whether `MOST_POINTS` points were enough.
+    `evaluations` of the model were spent on them; `resolved` says whether `MOST_NODES` points were enough.
     """
 
     branch: Branch
@@ -205,7 +205,7 @@ def _iterated(
             scale = float(np.abs(y).max()) or 1.0
             rough = surface.tails() > RESOLVED * LOSS**k * scale
             finer = [2 * n - 1 if r else n for n, r in zip(sizes, rough)]
-            if rough.any() and np.prod(finer) <= MOST_POINTS:
+            if rough.any() and np.prod(finer) <= MOST_NODES:
                 break
             finer, resolved = sizes, resolved and not rough.any()
             # Coefficients of the size of rounding are dropped before differentiating.

@@ -14,9 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.comparison.classical_methods import (
-    MOST_POINTS as MOST_NODES,
-)
-from gsp.comparison.classical_methods import (
+    MOST_NODES,
     FraserRoussel,
     Points,
     csp,

@@ -14,7 +14,7 @@ import sympy as sp
 from sympy.printing.jscode import JavascriptCodePrinter
 
 from gsp.algebra.bounded_quotients import finite
-from gsp.algebra.doubles import nearest_double
+from gsp.algebra.doubles import printed_double
 from gsp.algebra.languages import PAGE
 from gsp.algebra.printing import EXACT, Printer
 from gsp.errors import UnsupportedFunctionError
@@ -92,7 +92,7 @@ class _JavaScriptPrinter(Printer, JavascriptCodePrinter):
 
     def _print_Rational(self, expr: Any) -> str:
         p, q = int(expr.p), int(expr.q)
-        return f"{p}/{q}" if max(abs(p), q) <= EXACT else nearest_double(expr)
+        return f"{p}/{q}" if max(abs(p), q) <= EXACT else printed_double(expr)
 
     _print_Half = _print_Rational
 

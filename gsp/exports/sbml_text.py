@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import sympy as sp
 
-from gsp.algebra.doubles import nearest_double
+from gsp.algebra.doubles import printed_double
 from gsp.algebra.languages import SBML
 from gsp.algebra.printing import Printer
 from gsp.exports.body import body_of, heading, values_of
@@ -32,14 +32,14 @@ class MathPrinter(Printer):
     def _print_Integer(self, expr: Any) -> str:
         if abs(int(expr)) <= _LARGEST_WHOLE:
             return f'<cn type="integer">{int(expr)}</cn>'
-        return number(nearest_double(expr))
+        return number(printed_double(expr))
 
     _print_Zero = _print_One = _print_NegativeOne = _print_Integer
 
     def _print_Rational(self, expr: Any) -> str:
         if max(abs(int(expr.p)), int(expr.q)) <= _LARGEST_WHOLE:
             return f'<cn type="rational">{int(expr.p)}<sep/>{int(expr.q)}</cn>'
-        return number(nearest_double(expr))
+        return number(printed_double(expr))
 
     _print_Half = _print_Rational
 

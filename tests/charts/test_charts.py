@@ -196,7 +196,8 @@ def test_methods_and_composites_are_drawn_with_their_parts():
     scene = analysis_of("michaelis_menten").scene
     table = method_table(scene, refinements=(0, 1), iterates=(1,), orders=(0, 1))
     axes = charts.method_errors(table)
-    assert len(axes.get_lines()) == len(table.rows)
+    colours = {(row.method, line.get_color()) for row, line in zip(table.rows, axes.get_lines(), strict=True)}
+    assert len(colours) == len(dict(colours)) == len({colour for _, colour in colours})
     study = analysis_of("michaelis_menten").study
     solution = composite(analysis_of("michaelis_menten").series, study.start, span=scene.span, epsilon=0.05)
     axes = charts.composite(solution, name="c", full=analysis_of("michaelis_menten").full)

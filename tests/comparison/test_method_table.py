@@ -273,7 +273,7 @@ def test_a_grid_that_may_not_be_finer_leaves_the_iterates_unresolved(monkeypatch
     branch = solve_critical(system).branches[0]
     wide, narrow = np.linspace(-1, 1, 5)[:, None], np.linspace(-0.002, 0.002, 5)[:, None]
     assert FraserRoussel.over(branch, wide, epsilon=0.01, iterates=2).resolved
-    monkeypatch.setattr(classical_methods, "MOST_POINTS", classical_methods.FIRST)
+    monkeypatch.setattr(classical_methods, "MOST_NODES", classical_methods.FIRST)
     assert not FraserRoussel.over(branch, wide, epsilon=0.01, iterates=2).resolved
     assert FraserRoussel.over(branch, narrow, epsilon=0.01, iterates=2).resolved
 
