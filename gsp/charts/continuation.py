@@ -119,8 +119,12 @@ def critical_sheet(sheet: CriticalSheet, axes: Any, *, name: str | None = None) 
     for i, fold in enumerate(sheet.folds):
         label = "folds" if i == 0 else None
         axes.plot(fold[across], fold[along], fold[up], color=INK, lw=1.8, label=label, zorder=8)
-        for cusp in fold.of_kind(LossKind.CUSP):
-            axes.plot([cusp[across]], [cusp[along]], [cusp[up]], "D", color=INK, ms=5, zorder=9)
+    special = [point for fold in sheet.folds for point in fold.special]
+    first = {point.kind: point for point in reversed(special)}
+    for point in special:
+        place = ([point[each]] for each in (across, along, up))
+        label = str(point.kind) if point is first[point.kind] else None
+        axes.plot(*place, color=INK, mec=INK, ms=5, ls="none", zorder=9, label=label, **MARKERS[point.kind])
     for values, setter in zip(points.T, (axes.set_xlim, axes.set_ylim, axes.set_zlim)):
         setter(values.min(), values.max())
     axes.view_init(elev=22, azim=-62)

@@ -174,6 +174,16 @@ def test_critical_curves_and_sheets_show_their_special_points():
     assert "folds" in [text.get_text() for text in sheet.get_legend().get_texts()]
     with pytest.raises(DeclarationError, match="explicit graph"):
         charts.surroundings(analysis_of("linear"))
+    y, v, a, b = sp.symbols("y v a b")
+    double = gsp.SlowFastSystem(
+        slow={a: 1, b: 0}, fast={y: v, v: a + b * y + y**2 + y * v + y**3 / 3}, epsilon=sp.Symbol("epsilon")
+    )
+    bounds = {"a": (-1, 1), "b": (-1, 1), "y": (-1.5, 1.5)}
+    found = gsp.critical_sheet(
+        double, start={"a": -0.2, "b": -0.2, "y": 0.5, "v": 0}, bounds=bounds, resolution=8
+    )
+    labels = [text.get_text() for text in charts.critical_sheet(found).get_legend().get_texts()]
+    assert {"cusp", "Bogdanov-Takens point"} <= set(labels)
 
 
 @pytest.mark.exhaustive

@@ -334,6 +334,7 @@ def test_a_hopf_point_is_not_nilpotent() -> None:
         ({x: 1}, {y: x + y**2 * sp.Abs(y)}, "not smooth"),
         ({x: 1}, {v: x + v**2, w: x + w**2}, "2 null vectors"),
         ({x: 0}, {y: x + y**2}, "epsilon moves nothing"),
+        ({x: 1}, {y: x + y**2, v: -2 * w + v * y, w: 2 * v + w * y}, r"imaginary pair.*\+-2i"),
     ],
 )
 def test_what_is_not_blown_up_is_refused_by_name(slow: dict, fast: dict, said: str) -> None:

@@ -14,6 +14,7 @@ import gsp
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status, UnsupportedFunctionError
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
+from gsp.integration.events import Event
 from gsp.integration.methods import Method
 from gsp.singular.passage.delay_measurement import measure_delay
 from gsp.singular.passage.delayed_exit import ExitKind
@@ -756,3 +757,45 @@ def test_an_eigenvalue_that_rises_without_speed_is_no_pitchfork() -> None:
         assert found.losses[0].point["y"] == pytest.approx(0.0, abs=1e-3)
         assert found.point["y"] == pytest.approx(1.0, abs=1e-9)
     assert passage_of({x: y * x / 1000 - x**3}).losses[0].kind is LossKind.PITCHFORK
+
+
+# x and w turn around each other, and their real part is y.
+PAIR = {x: y * x - w, w: x + y * w}
+
+
+@pytest.mark.parametrize(
+    ("rate", "kind"),
+    [
+        ((y - R(1, 2)) * z - z**3 + eps, LossKind.PITCHFORK),
+        ((y - R(1, 2)) * z + z**3 + eps, LossKind.PITCHFORK),
+        ((y - R(1, 2)) * z + z**2 + eps / 4, LossKind.TRANSCRITICAL),
+    ],
+)
+def test_a_real_loss_during_the_delay_of_a_pair_ends_it(rate: sp.Expr, kind: LossKind) -> None:
+    for fast in ({z: rate, **PAIR}, {**PAIR, z: rate}):
+        found = passage_of(fast)
+        assert [loss.kind for loss in found.losses] == [LossKind.HOPF, kind]
+        assert found.kind is ExitKind.AT_LOSS
+        assert found.point["y"] == pytest.approx(0.5)
+        assert found.buffer is None
+    # z goes to the branch that begins at the loss, or away: at y = 0.7 it is not 0.
+    e = 1e-3
+    run = gsp.integrate(
+        system({y: 1}, {z: rate}),
+        start={"y": -1, "z": 0},
+        span=(0, 1.7),
+        epsilon=e,
+        events=Event(z - R(3, 10), name="left"),
+    )
+    assert 1.5 < run.events["left"].times[0] < 1.7
+    # On an invariant branch only the rightmost counts.
+    assert passage_of({z: rate - rate.coeff(eps) * eps, **PAIR}).point["y"] == pytest.approx(1.0)
+
+
+def test_losses_that_are_met_together_decide_nothing_but_on_an_invariant_branch() -> None:
+    for fast in ({z: y * z - z**3 + eps, **PAIR}, {**PAIR, z: y * z - z**3 + eps}):
+        with pytest.raises(PassageError, match="several eigenvalues rise through 0 together near y = 0"):
+            passage_of(fast)
+    found = passage_of({z: y * z - z**3, **PAIR})
+    assert found.losses[0].kind is LossKind.DEGENERATE
+    assert found.point["y"] == pytest.approx(1.0)

@@ -24,11 +24,11 @@ from gsp.critical.layer_problem import (
     natural_scales,
 )
 from gsp.critical.minimally_augmented import identity, singular_near
-from gsp.errors import DeclarationError, Status
+from gsp.errors import BranchError, DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_progress, check_whole
-from gsp.systems.flow import Point, frozen
+from gsp.systems.flow import Point, frozen, in_words
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem
 
@@ -143,6 +143,13 @@ def critical_sheet(
     grid = _grid(problem, u, box, scales, resolution)
     with np.errstate(all="ignore"):
         mesh = march(problem.residual, grid, u, n=problem.size, most=max_points, progress=progress)
+        if not len(mesh.nodes):
+            sizes = in_words((s.name, size) for s, size in zip(problem.unknowns, grid.size))
+            raise BranchError(
+                "none of the cubes next to start is crossed by M0, as far as the values at their corners tell.",
+                "Raise resolution, or give bounds for the fast variables, which set the size of a cube.",
+                got=f"cubes of {sizes}",
+            )
         return _finished(
             problem, _Builder(problem, grid, mesh, scales, box_of(problem, box)), Options(box, controls)
         )
@@ -199,35 +206,49 @@ class _Builder:
         self._orient()
 
     def _polished(self) -> np.ndarray:
-        """Newton's method within each face, and of least norm where that fails."""
-        problem, corners = self.problem, self.grid.nodes(self.mesh.nodes)
+        """Newton's method of least norm, which moves neighbours alike; within its face where that fails."""
+        corners = self.grid.nodes(self.mesh.nodes)
         u = np.einsum("mi,mid->md", self.mesh.weights, corners)
         # Sums of equal numbers by weights that sum to one are equal to them up to rounding only.
         exact = np.where(self.mesh.nodes[:, 0] == 0, self.bounds[:, 0], self.bounds[:, 1])
-        u = np.where(self.held, exact, u)
+        first = np.where(self.held, exact, u)
+        u = first.copy()
         edges = corners[:, 1:] - corners[:, :1]
-        first = u.copy()
-        length = np.full(len(u), np.inf)
-        for _ in range(12):
-            value = problem.residual(u)
-            slope = np.einsum("mij,mkj->mik", problem.jacobians(u), edges)
-            good = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(value).all(axis=1)
-            step = np.zeros((len(u), slope.shape[1]))
-            step[good] = np.einsum("mij,mj->mi", np.linalg.pinv(slope[good], rcond=1e-13), value[good])
-            u = u - np.einsum("mi,mid->md", step, edges)
-            length = np.where(good, np.abs(step).max(axis=1), np.inf)
-            if length.max(initial=0.0) < 1e-15:
-                break
-        # A vertex may leave its face by half of the face; beyond, it is corrected by steps of least norm.
-        far = np.abs(u - first) > 0.5 * np.abs(edges).max(axis=1) + 0.25 * self.grid.size
-        beyond = np.abs(self._confined(u) - u) > 1e-9 * self.grid.size
-        u = np.where(self.held, exact, np.where(beyond, u, self._confined(u)))
-        bad = ~(length < 1e-9) | (far | beyond).any(axis=1)
-        for i in np.flatnonzero(bad):
+        # A vertex may leave its face by half of the face; beyond, it is corrected in another way.
+        every, reach = np.arange(len(u)), 0.5 * np.abs(edges).max(axis=1) + 0.25 * self.grid.size
+        across = np.where(self.held, 0.0, self.grid.size)[:, None, :] * np.eye(u.shape[1])
+        far = self._settled(u, first, every, across, reach)
+        rest = self._settled(u, first, far, edges, reach)
+        outside = np.flatnonzero((np.abs(self._confined(u) - u) > 1e-9 * self.grid.size).any(axis=1))
+        for i in np.union1d(rest, outside):
             found = self._repaired(first[i], self.held[i])
             self.lost[i] = found is None
             u[i] = first[i] if found is None else found
-        return u
+        return np.where(self.held, exact, self._confined(u))
+
+    def _settled(
+        self, u: np.ndarray, first: np.ndarray, rows: np.ndarray, ways: np.ndarray, reach: np.ndarray
+    ) -> np.ndarray:
+        """Correct those `rows` of `first` into `u` along their `ways`; which of them go beyond `reach`, or nowhere."""
+        if not rows.size:
+            return rows
+        u[rows], settled = self._corrected(first[rows], ways[rows])
+        return rows[~settled | (np.abs(u[rows] - first[rows]) > reach[rows]).any(axis=1)]
+
+    def _corrected(self, u: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Newton's method from points (m, d) in the directions `ways` (m, k, d), and which of them it settled."""
+        length = np.full(len(u), np.inf)
+        for _ in range(12):
+            value = self.problem.residual(u)
+            slope = np.einsum("mij,mkj->mik", self.problem.jacobians(u), ways)
+            good = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(value).all(axis=1)
+            step = np.zeros((len(u), ways.shape[1]))
+            step[good] = np.einsum("mij,mj->mi", np.linalg.pinv(slope[good], rcond=1e-13), value[good])
+            u = u - np.einsum("mi,mid->md", step, ways)
+            length = np.where(good, np.abs(step).max(axis=1), np.inf)
+            if length.max(initial=0.0) < 1e-15:
+                break
+        return u, length < 1e-9
 
     def _confined(self, u: np.ndarray) -> np.ndarray:
         """Points (..., d) moved onto the bounds that they are beyond."""

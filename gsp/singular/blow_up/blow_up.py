@@ -137,11 +137,11 @@ def blow_up(
     `parameters` are those that may unfold the point, all by default. The weights are the least for which no term is of
     a lower quasi-degree than its equation, read from Taylor polynomials in coordinates that hide none: in
     `gsp.singular.blow_up`, `weights` says which are least, and `local_form` which coordinates. They are exact; at
-    points that have no formula, numbers below 1e-38 count as zero. Fast eigenvalues that are not zero should be off
-    the axis, as `classify` says.
+    points that have no formula, numbers below 1e-38 count as zero.
 
-    Raises `BlowUpError` where g_y is regular, as at a Hopf point; where it has several null vectors; where the field is
-    not smooth; where no power below the ninth decides the fast fibre; and where no weights exist.
+    Raises `BlowUpError` where g_y is regular, as at a Hopf point; where it has several null vectors, or an imaginary
+    pair beside its zero; where the field is not smooth; where no power below the ninth decides the fast fibre; and
+    where no weights exist.
 
     >>> x, y, eps = sp.symbols("x y epsilon")
     >>> found = blow_up(SlowFastSystem(slow={y: 1}, fast={x: x**2 + y}, epsilon=eps), near={"x": 0, "y": 0})

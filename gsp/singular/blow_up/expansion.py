@@ -13,11 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import AlgebraicPoint
 from gsp.algebra.local_series import BITS, LocalRing, LocalSeries, Polynomial
 from gsp.algebra.ring import read
+from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR
 from gsp.singular.blow_up.local_form import BlowUpError, LocalForm
 from gsp.systems.system import SlowFastSystem
 
@@ -57,7 +59,8 @@ def expanded(
 def block_of(form: LocalForm) -> LocalForm:
     """`form` on the centre manifold of its nilpotent block of fast directions.
 
-    Raises `BlowUpError` where g_y is regular, or has several null vectors or more than two zero eigenvalues.
+    Raises `BlowUpError` where g_y is regular, has several null vectors, more than two zero eigenvalues, or an imaginary
+    pair beside them.
     """
     ring, n = form.ring, len(form.fast)
     jacobian = [[g.slope(j) for j in range(n)] for g in form.fast]
@@ -176,6 +179,7 @@ def _centre_manifold(
     ring = form.ring
     C = [[e.slope(i) for i in others] for e in across]
     inverse = _inverse(ring, C)
+    _check_off_axis(ring, C)
     epsilon = ring.variable(form.small)
     h = [ring.zero for _ in others]
     for _ in range((ring.degree + 1) ** 2):
@@ -192,6 +196,18 @@ def _centre_manifold(
             return h
         h = [a + b for a, b in zip(h, step)]
     raise BlowUpError("the series of the centre manifold does not come to rest at the point.")
+
+
+def _check_off_axis(ring: LocalRing, C: Matrix) -> None:
+    values = np.linalg.eigvals(np.array([[float(sp.N(ring.expression(c))) for c in row] for row in C]))
+    pair = values[(values.imag > 0.0) & (np.abs(values.real) <= ZERO_SINGULAR * np.abs(values))]
+    if pair.size:
+        raise BlowUpError(
+            f"an imaginary pair of fast eigenvalues is beside the zero one here, +-{pair[0].imag:.4g}i: they share a "
+            "centre manifold, on which this is no blow-up of the zero alone.",
+            "Integrate the full system across it, or move a parameter so that the two are apart.",
+            value=tuple(values),
+        )
 
 
 def _combination(ring: LocalRing, row: Sequence[Polynomial], series: Sequence[LocalSeries]) -> LocalSeries:

@@ -71,10 +71,11 @@ class DelayedExit(Card):
 
     @property
     def buffer(self) -> float | None:
-        """Slow time of the buffer point, the latest exit whatever the start; None where the losses set no limit."""
+        """Slow time of the buffer point, the latest exit whatever the start; None where the losses set no limit, or a
+        real one is met before."""
         for loss in self.losses:
-            if np.isfinite(loss.limit) and loss.limit > 0.0:
-                return self.time_of_rise(loss.limit)
+            if np.isfinite(loss.limit) and self.kind is not ExitKind.AT_LOSS:
+                return self._first_time(self._phi_at(loss.t) + loss.limit, loss.t)
         return None
 
     def time_of_rise(self, amount: float) -> float | None:

@@ -19,6 +19,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
@@ -97,6 +98,8 @@ class _Passage:
         # Phi at which an orbit leaves, and what sets it.
         self.level, self.kind = 0.0, ExitKind.ENTRY_EXIT
         self.invariant = True
+        # Pairs that are lost beside the rightmost eigenvalue, with the time and the growth that their limit allows.
+        self.beside: list[tuple[int, float, float]] = []
 
     def result(self) -> DelayedExit:
         status = Status.TOO_MANY_STEPS
@@ -108,6 +111,7 @@ class _Passage:
                 if found is not None and self._outside(self.orbit.at(found)):
                     return self._finish(found, ExitKind.NONE, Status.REGION_LEFT)
                 if found is not None:
+                    self._check_beside(found)
                     self._look_ahead(found)
                     return self._finish(found, self.kind, Status.SUCCESS)
             if self._outside(panel.z[-1]):
@@ -142,8 +146,15 @@ class _Passage:
         before = self.phi
         self.pieces.append(piece)
         self.ends.append(before)
+        self.phi = before + float(piece.primitive[-1])
+        found = self._left(piece, before)
+        if self.invariant or not self.losses or self.kind is ExitKind.AT_LOSS:
+            return found
+        return self._left_beside(piece, found)
+
+    def _left(self, piece: ResolvedPanel, before: float) -> float | None:
+        """The time on the piece at which the level is reached, or the rightmost eigenvalue lets orbits leave."""
         phi = before + piece.primitive
-        self.phi = float(phi[-1])
         for i in range(1, len(phi)):
             if piece.values[i - 1] < 0.0 <= piece.values[i]:
                 t = crossing(piece.t, piece.values, 0.0, i)
@@ -154,6 +165,43 @@ class _Passage:
             if self.losses and phi[i] >= self.level and piece.values[i] > 0.0:
                 return crossing(piece.t, phi, self.level, i)
         return None
+
+    def _left_beside(self, piece: ResolvedPanel, exit_at: float | None) -> float | None:
+        """The time on the piece, before `exit_at`, at which a real loss left of the rightmost eigenvalue is met."""
+        real = np.real(self.orbit.eigenvalues(np.array([self.orbit.at(t) for t in piece.t])))
+        first = 2 if self.losses[0].kind is LossKind.HOPF else 1
+        met = []
+        for which in range(first, real.shape[1]):
+            values = real[:, which]
+            for i in 1 + np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0)):
+                met.append((crossing(piece.t, values, 0.0, int(i)), which))
+        for t, which in sorted(met):
+            if exit_at is not None and t >= exit_at:
+                break
+            slope = float(interpolate(piece.t, _derivative(piece.t, real[:, which]), np.array([t]))[0])
+            loss = passed_loss(self.orbit, t, slope, invariant=False, which=which)
+            if loss.limit == 0.0:
+                self.losses.append(loss)
+                self.kind = ExitKind.AT_LOSS
+                return t
+            if np.isfinite(loss.limit):
+                self.beside.append((which, t, loss.limit))
+        return exit_at
+
+    def _check_beside(self, t: float) -> None:
+        """Raise `PassageError` where a pair beside the rightmost eigenvalue reaches its limit before the exit."""
+        from scipy.integrate import quad
+
+        for which, since, limit in self.beside:
+            grown = quad(
+                lambda s, k=which: self.orbit.eigenvalues(self.orbit.at(s)[None, :])[0, k].real, since, t
+            )[0]
+            if grown >= limit:
+                raise PassageError(
+                    f"a second pair of eigenvalues rises through 0 at t = {since:.6g}, and reaches its buffer point "
+                    f"before the exit at t = {t:.6g}: how the branch is left is not decided here.",
+                    "Run the full system.",
+                )
 
     def _check_coupled(self, piece: ResolvedPanel) -> None:
         """Raise `PassageError` where what takes over is an eigenvalue of fast variables that the others do not move."""
@@ -185,7 +233,7 @@ class _Passage:
             )
 
     def _meet(self, piece: ResolvedPanel, t: float, before: float) -> None:
-        slope = float(interpolate(piece.t, _derivative(piece), np.array([t]))[0])
+        slope = float(interpolate(piece.t, _derivative(piece.t, piece.values), np.array([t]))[0])
         loss = passed_loss(self.orbit, t, slope, invariant=self.invariant)
         self.losses.append(loss)
         here = before + float(interpolate(piece.t, piece.primitive, np.array([t]))[0])
@@ -246,10 +294,9 @@ def is_invariant(orbit: SlowOrbit, z: np.ndarray) -> bool:
     return True
 
 
-def _derivative(piece: ResolvedPanel) -> np.ndarray:
-    """d/dt of the rightmost real part at the nodes."""
-    degree = len(piece.t) - 1
-    half = 0.5 * (piece.t[-1] - piece.t[0])
-    nodes = (piece.t - piece.t[0]) / half - 1.0
-    fitted = np.polynomial.chebyshev.chebfit(nodes, piece.values, degree)
+def _derivative(t: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """d/dt of a real part at the nodes of a piece."""
+    half = 0.5 * (t[-1] - t[0])
+    nodes = (t - t[0]) / half - 1.0
+    fitted = np.polynomial.chebyshev.chebfit(nodes, values, len(t) - 1)
     return np.polynomial.chebyshev.chebval(nodes, np.polynomial.chebyshev.chebder(fitted)) / half

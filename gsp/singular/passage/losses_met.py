@@ -30,6 +30,7 @@ from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.normal_forms import bordered
 from gsp.errors import GspError
+from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR
 from gsp.roots import root
 from gsp.singular.passage.complex_time import TurningPoint, turning_points
 from gsp.singular.passage.failure import PassageError
@@ -106,8 +107,8 @@ def first_zero(value: float) -> float | None:
     return root(lambda s: float(pbdv(order, -np.sqrt(2.0) * s)[0]), float(z[i]), float(z[i + 1]))
 
 
-def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool) -> PassedLoss:
-    """The loss at time `t`, where the rightmost real part rises through 0 at the rate `crossing`."""
+def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool, which: int = 0) -> PassedLoss:
+    """The loss at time `t`, where the real part `which`, counted from the right, rises through 0 at `crossing`."""
     z = orbit.at(t)
     system = orbit.branch.system
     path = np.vstack([panel.z for panel in orbit.panels])
@@ -116,8 +117,11 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
     point = {s.name: 0.0 if abs(v) < r else float(v) for s, v, r in zip(system.states, z, rounding)}
     values = orbit.eigenvalues(z[None, :])[0]
     size = float(np.abs(values).max())
-    leading = complex(values[0])
-    if abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9 * orbit.rate:
+    leading = complex(values[which])
+    is_pair = abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9 * orbit.rate
+    # As `classify` takes an eigenvalue to be on the axis.
+    together = int((np.abs(values.real) <= ZERO_SINGULAR * size).sum()) > (2 if is_pair else 1)
+    if is_pair and not together:
         found: list[TurningPoint] = []
         if not invariant:
             with np.errstate(all="ignore"):
@@ -134,21 +138,26 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
             {"omega": leading.imag},
             tuple(found),
         )
-    speed = float(np.abs(np.real(orbit.eigenvalues(path)[:, 0])).max()) / orbit.time
-    if crossing <= np.sqrt(np.finfo(float).eps) * speed:
+    speed = float(np.abs(np.real(orbit.eigenvalues(path)[:, which])).max()) / orbit.time
+    if together or crossing <= np.sqrt(np.finfo(float).eps) * speed:
         # A zero of the order k is known to the k-th root of rounding, and no coefficient of it is.
         near = {
             s.name: float(np.round(v / size, 3) * size) + 0.0 for s, v, size in zip(system.states, z, sizes)
         }
         if not invariant:
             shown = in_words(near, 4)
+            why = (
+                f"several eigenvalues rise through 0 together near {shown}"
+                if together
+                else f"the rightmost eigenvalue rises through 0 near {shown} with no speed, to a higher order"
+            )
             raise PassageError(
-                f"the rightmost eigenvalue rises through 0 near {shown} with no speed, to a higher order, and the "
-                "branch is not invariant: how it is left is not decided here.",
+                f"{why}, and the branch is not invariant: how it is left is not decided here.",
                 "Run the full system.",
             )
         none = float("inf")
-        return PassedLoss(t, near, LossKind.DEGENERATE, leading.real + 0j, 0.0, Outcome.DELAY, none, {})
+        rate = crossing if together else 0.0
+        return PassedLoss(t, near, LossKind.DEGENERATE, leading.real + 0j, rate, Outcome.DELAY, none, {})
     coefficients = _real_coefficients(orbit, z, crossing)
     transcritical = "lambda" in coefficients
     kind = LossKind.TRANSCRITICAL if transcritical else LossKind.PITCHFORK
