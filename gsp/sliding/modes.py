@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -28,6 +29,16 @@ from gsp.systems.system import VectorField
 
 # Below this share of its terms a rate is zero, and its own rate decides: what events leave is a thousand times smaller.
 TANGENT = 1e-9
+# Rates of rates that are asked for, each longer by the number of states: a fold is the flatter the more are zero.
+ORDERS = 4
+
+
+class _Margin(NamedTuple):
+    """What is positive where a mode goes on beside a surface, by its number, and the size of its terms."""
+
+    surface: int
+    value: sp.Expr
+    terms: sp.Expr
 
 
 @dataclass(frozen=True)
@@ -105,20 +116,25 @@ class SwitchMode:
         return enclosed(self.flow, self.events)
 
     @cached_property
-    def _tests(self) -> CompiledFunction:
-        """For each surface what has to be positive, the size of its terms, and its rate along the mode; then D."""
+    def _margins(self) -> list[_Margin]:
+        """What has to be positive beside each surface."""
         field = self.field
         phi, D = self._solved
-        outputs: list[sp.Expr] = [D]
+        found = []
         for c, (surface, sign) in enumerate(zip(field.surfaces, self.signs)):
-            terms = sp.Add(*(size(field.rate_of(surface, jump)) for jump in (field.drift, *field.jumps)))
             if sign:
-                value = sign * field.rate_of(surface, self.rates)
-                outputs += [value, terms, field.rate_of(value, self.rates)]
+                terms = sp.Add(*(size(field.rate_of(surface, jump)) for jump in (field.drift, *field.jumps)))
+                found.append(_Margin(c, sign * field.rate_of(surface, self.rates), terms))
                 continue
             for value in (exact(self.high) * D - phi[c], phi[c] - exact(self.low) * D):
-                outputs += [value, size(D) + size(phi[c]), field.rate_of(value, self.rates)]
-        return compile_over(self.flow, outputs)
+                found.append(_Margin(c, value, size(D) + size(phi[c])))
+        return found
+
+    @cached_property
+    def _tests(self) -> CompiledFunction:
+        """D, then each margin and the size of its terms."""
+        outputs = [e for margin in self._margins for e in (margin.value, margin.terms)]
+        return compile_over(self.flow, [self._solved[1], *outputs])
 
     def ends_in_two_fold(self, states: np.ndarray) -> bool:
         """Whether D is zero at the last of the `states` (n, m) of a run in this mode, beside what it was along it.
@@ -136,17 +152,37 @@ class SwitchMode:
         if self._solved[1] == 0:
             # No phi moves the surfaces that it slides on apart from one another: nothing holds a run on all of them.
             return False
-        values = self._tests(state, compile_flow(self.flow).constants)
-        if not values[0] > 0.0:
+        D, *tests = self._tests(state, compile_flow(self.flow).constants)
+        if not D > 0.0:
             return False
-        place = 1
-        for c, sign in enumerate(self.signs):
-            for _ in range(1 if sign else 2):
-                value, size, rate = values[place : place + 3]
-                place += 3
-                if c in among and not (rate > 0.0 if abs(value) <= TANGENT * size else value > 0.0):
+        for k, (margin, value, terms) in enumerate(zip(self._margins, tests[::2], tests[1::2])):
+            if margin.surface in among:
+                opens = value > 0.0 if abs(value) > TANGENT * terms else self._opens(k, state)
+                if not opens:
                     return False
         return True
+
+    def _opens(self, k: int, state: np.ndarray) -> bool:
+        """Whether margin k, zero at `state`, becomes positive: as the first of its rates that is not zero there."""
+        constants = compile_flow(self.flow).constants
+        for order in range(ORDERS):
+            (rate,) = self._rate(k, order)(state, constants)
+            if rate != 0.0:
+                return bool(rate > 0.0)
+        return False
+
+    def _rate(self, k: int, order: int) -> CompiledFunction:
+        """The rate of margin k along the mode, or of its rate and so on; each is made when it is first asked for."""
+        known = self._rates_of[k]
+        if order == len(known):
+            last = known[-1][0] if known else self._margins[k].value
+            rate = self.field.rate_of(last, self.rates)
+            known.append((rate, compile_over(self.flow, [rate])))
+        return known[order][1]
+
+    @cached_property
+    def _rates_of(self) -> list[list[tuple[sp.Expr, CompiledFunction]]]:
+        return [[] for _ in self._margins]
 
 
 class SwitchModes:

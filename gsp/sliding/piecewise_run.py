@@ -63,7 +63,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PiecewiseRun(Card, Tabular):
-    """The `pieces` of a run in order; `message` says how it ended."""
+    """The `pieces` of a run in order, none where it could not begin; `message` says how it ended."""
 
     field: PiecewiseField | CrossingField
     law: SwitchLaw
@@ -73,11 +73,11 @@ class PiecewiseRun(Card, Tabular):
     @property
     def t(self) -> np.ndarray:
         """The times of all pieces (m,); where one ends and the next begins a time stands twice."""
-        return np.concatenate([piece.run.t for piece in self.pieces])
+        return np.concatenate([np.empty(0), *(piece.run.t for piece in self.pieces)])
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Values (m,) of a state at the times `t`."""
-        return np.concatenate([piece.run[name] for piece in self.pieces])
+        return np.concatenate([np.empty(0), *(piece.run[name] for piece in self.pieces)])
 
     @property
     def changes(self) -> tuple[float, ...]:

@@ -128,7 +128,8 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
     given = np.array(complete(fold, field.states, what="fold"))
     above, below = field.normal_rates
     tangencies = [_Tangency(field, (field.surface, rate)) for rate in (above, below)]
-    sizes = natural_scales(_Tangency(field, (field.surface, above, below)), given, {})
+    both = _Tangency(field, (field.surface, above, below))
+    sizes = _sizes(both, given)
     found = [least_norm_newton(tangency, given, sizes, CLOSE) for tangency in tangencies]
     distances = [np.inf if place is None else float((np.abs(place - given) / sizes).max()) for place in found]
     side = 1 if distances[0] <= distances[1] else -1
@@ -145,10 +146,16 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
         place, compile_flow(flow).constants
     )
     bending, push, velocity = float(side * values[0]), float(side * values[1]), values[2:]
-    two = least_norm_newton(_Tangency(field, (field.surface, above, below)), place, sizes, CLOSE)
+    two = least_norm_newton(both, place, sizes, CLOSE)
     kind = LossKind.VISIBLE_FOLD if bending > 0.0 else LossKind.INVISIBLE_FOLD
     if two is not None and (np.abs(two - place) <= ZERO * sizes).all():
         kind = LossKind.TWO_FOLD
+    elif abs(bending) <= ZERO * push * (np.abs(velocity) / sizes).max():
+        raise SlidingExitError(
+            "the tangency is of a higher order than that of a fold, and (2) says nothing of it.",
+            "Give a point next to a fold, where the rate of the tangent field's Y is not 0.",
+            got=f"beta = {bending:.3g} at {in_words(zip((s.name for s in field.states), place))}",
+        )
     elif push <= 0.0:
         raise SlidingExitError(
             "no orbit slides beside this fold: the other field leads away from the surface there.",
@@ -157,6 +164,14 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
         )
     point = MappingProxyType({s.name: float(v) for s, v in zip(field.states, place)})
     return SlidingExit(kind, point, side, bending, push, law.upper if side > 0 else law.lower, velocity)
+
+
+def _sizes(both: _Tangency, given: np.ndarray) -> np.ndarray:
+    """|u| of each state (N,), or how far it moves Y+ and Y- by what they are where that is more."""
+    rates, slopes = (np.abs(part[1:]).sum(axis=0) for part in (both.residual(given), both.jacobian(given)))
+    reach = np.divide(rates, slopes, out=np.zeros_like(slopes), where=slopes > 0.0)
+    sizes = np.maximum(np.abs(given), reach)
+    return np.where(sizes > 0.0, sizes, natural_scales(both, given, {}))
 
 
 @dataclass(frozen=True, eq=False)

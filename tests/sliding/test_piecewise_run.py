@@ -221,3 +221,19 @@ def test_a_run_of_a_random_field_is_filippovs_by_scipy(number: int) -> None:
     assert sides(run) == [names[sign] for sign in signs]
     assert [piece.run.t[-1] for piece in run.pieces] == pytest.approx(ends, abs=1e-8)
     assert run.pieces[-1].run.y[:, -1] == pytest.approx(last, abs=1e-8)
+
+
+@pytest.mark.parametrize("unit", [sp.Integer(1), sp.Rational(1, 10**6), sp.Integer(10**6)])
+@pytest.mark.parametrize("start", [-1.0, 0.0])
+def test_where_the_rate_of_a_fold_is_zero_too_the_next_ones_decide(unit: sp.Expr, start: float) -> None:
+    """Y+ = x^3 in units of x: it slides to x = 0 and leaves along y = x^4/4. By the first rate, 0 there, it ended."""
+    cubic = PiecewiseField({x: 1 / unit, y: (unit * x) ** 3}, {x: 1 / unit, y: 1}, y)
+    run = run_piecewise(cubic, start={"x": start / float(unit), "y": 0}, span=(0, 2))
+    assert sides(run) == ([Side.SLIDING, Side.PLUS] if start else [Side.PLUS])
+    assert run["y"][-1] == pytest.approx((2 + start) ** 4 / 4, rel=1e-8)
+
+
+def test_a_run_that_cannot_begin_has_no_points() -> None:
+    run = run_piecewise(PiecewiseField({x: 1, y: x}, {x: 1, y: -x}, y), start={"x": 0, "y": 0}, span=(0, 1))
+    assert (run.pieces, run.t.size, run["x"].size) == ((), 0, 0)
+    assert run.as_json()["dimensions"]["point"] == 0

@@ -135,3 +135,22 @@ def test_folds_are_named() -> None:
 def test_where_there_is_no_exit_it_is_said(plus, minus, says) -> None:
     with pytest.raises(SlidingExitError, match=says):
         sliding_exit(PiecewiseField(plus, minus, y), {"x": 0.3, "y": 0}, phi="linear")
+
+
+@pytest.mark.parametrize("unit", [sp.Rational(1, 10**9), sp.Rational(1, 10**6), 10**6])
+def test_a_fold_is_found_from_as_far_in_any_units(unit) -> None:
+    """From x = 0.3, with both states in the unit: where y was 0 only a step of 1 could be taken towards the fold."""
+    plus, minus = {x: 1 / unit, y: sp.sin(unit * x) / unit}, {x: 1 / unit, y: 1 / unit}
+    for start in (0.3, 1e-17):
+        found = sliding_exit(PiecewiseField(plus, minus, y * unit), {"x": start / unit, "y": 0}, phi="cubic")
+        assert found.kind is LossKind.VISIBLE_FOLD
+        assert found.point["x"] * unit == pytest.approx(0.0, abs=1e-12)
+        assert found.prefactor == pytest.approx(1.121326758, rel=1e-8)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.1])
+def test_a_tangency_of_higher_order_is_no_fold(start: float) -> None:
+    """Y+ = x^3 has no beta, so that (2) would be late by any time; at x = 0 it was an invisible fold."""
+    cubic = PiecewiseField({x: 1, y: x**3}, {x: 1, y: 1}, y)
+    with pytest.raises(SlidingExitError, match="of a higher order than that of a fold"):
+        sliding_exit(cubic, {"x": start, "y": 0}, phi="cubic")
