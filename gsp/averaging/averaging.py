@@ -11,6 +11,7 @@ import sympy as sp
 
 from gsp.algebra.brevity import brief
 from gsp.algebra.laurent import misplaced_epsilon
+from gsp.algebra.sharing import size
 from gsp.averaging.near_identity import NearIdentity
 from gsp.averaging.phase_form import PhaseForm, phase_form
 from gsp.averaging.turning_rate import require_turning
@@ -114,11 +115,15 @@ class Averaging(Drawn, Tabular):
         names = [symbol.name for symbol in self.form.coordinates]
         image = compile_over(self.system, self._full(self._through(order)), arguments=self._variables)
         known = np.array([point[names.index(s.name)] for s in self._variables])
+        sizes = compile_over(self.system, self._reach(self._through(order)), arguments=self._variables)(
+            known, p
+        )
         found, last = known, np.inf
         # A contraction for small epsilon, whose steps fall until they are rounding.
         while True:
             moved = found + known - image(found, p)
-            step = float(np.max(np.abs(moved - found) / np.maximum(np.abs(known), 1.0)))
+            steps = np.abs(moved - found)
+            step = float(np.divide(steps, sizes, out=steps, where=sizes > 0.0).max())
             if not step < last / 2:
                 break
             found, last = moved, step
@@ -191,6 +196,16 @@ class Averaging(Drawn, Tabular):
         return [
             sp.Add(s, *[e * row[s] for e, row in zip(powers, self.transformation)]) for s in self._variables
         ]
+
+    def _reach(self, order: int) -> list[sp.Expr]:
+        """|x| of each slow variable, 1 of the phase, and as far as each is moved with every sine and cosine at 1."""
+        sizes = {**{x: size(x) for x in self.form.rates}, self.form.phase: sp.S.One}
+        for k, row in enumerate(self.transformation[:order]):
+            for s, moved in row.items():
+                waves = {f: sp.S.One for f in moved.atoms(sp.sin, sp.cos) if f.has(self.form.phase)}
+                widths = [size(term.xreplace(waves)) for term in sp.Add.make_args(moved)]
+                sizes[s] += self.epsilon ** (k + 1) * sp.Add(*widths)
+        return [sizes[s] for s in self._variables]
 
 
 def _series(coefficients: Sequence[sp.Expr], epsilon: sp.Symbol) -> str:

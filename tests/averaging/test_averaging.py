@@ -318,6 +318,27 @@ def test_too_large_an_epsilon_is_refused() -> None:
         found.base_point({"u": 3, "v": 0}, epsilon=5)
 
 
+@pytest.mark.parametrize("unit", [sp.Rational(1, 10**15), sp.Rational(1, 10**9), 10**9, 10**15])
+def test_base_points_are_known_as_well_in_any_units(unit: sp.Expr) -> None:
+    """x = unit X: for a small unit any point was given, by steps that were small beside 1, though none was found."""
+    shaken = gsp.VectorField(
+        {theta: 1 / epsilon, x: -x + (unit * x) ** 3 / unit * sp.cos(theta)}, epsilon=epsilon
+    )
+    found = gsp.average(shaken, phase=theta, order=2)
+    start = {"x": 1 / float(unit), "theta": 1}
+    assert found.base_point(start, epsilon=0.1)["x"] * float(unit) == pytest.approx(0.93734116829, rel=1e-10)
+    with pytest.raises(GspError, match="could not be inverted"):
+        found.base_point(start, epsilon=3)
+    forced = gsp.VectorField(
+        {u: v / epsilon, v: -u / epsilon - u**3 * unit**2 + sp.cos(psi) / unit, psi: 1 / epsilon},
+        epsilon=epsilon,
+    )
+    turned = gsp.average(forced, phase=psi, pair=(u, v), order=1)
+    point = turned.base_point({"u": 2 / float(unit), "v": 0, "psi": float(sp.pi)}, epsilon=0.05)
+    back = [float(e.subs(epsilon, 0.05).subs(point)) for e in turned._full(1)]
+    assert np.array(back[:2]) * float(unit) == pytest.approx([-2.0, 0.0], abs=1e-12)
+
+
 MODEL = """
 epsilon = "epsilon"
 [states]
