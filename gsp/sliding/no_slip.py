@@ -97,18 +97,33 @@ class NoSlip(Drawn, Tabular):
         """How far each contact has crept at the end (contacts,): the integral of `creep`.
 
         Where a contact lets go its speed grows as 1/sqrt(T - t), and so it is summed over sqrt(T - t), by Gauss's rule.
+        Intervals are halved where their halves tell more, as about a time at which a contact is asked for nothing.
         """
         end = float(self.t[-1])
         edges = np.sqrt(end - self.run.t[self.run.t <= end])
+        low, high, total = edges[1:], edges[:-1], np.zeros(len(self.names))
+        if not low.size:
+            return total
+        whole = self._crept(epsilon, end, low, high)
+        least = np.sqrt(np.finfo(float).eps) * whole.sum(axis=1, keepdims=True)
+        while low.size:
+            middle = 0.5 * (low + high)
+            lower, upper = self._crept(epsilon, end, low, middle), self._crept(epsilon, end, middle, high)
+            open_ = (np.abs(lower + upper - whole) > least).any(axis=0) & (low < middle) & (middle < high)
+            total += (lower + upper)[:, ~open_].sum(axis=1)
+            low = np.append(low[open_], middle[open_])
+            high = np.append(middle[open_], high[open_])
+            whole = np.append(lower[:, open_], upper[:, open_], axis=1)
+        return total
+
+    def _crept(self, epsilon: float, end: float, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """How far each contact creeps (contacts, m) while sqrt(end - t) is between `low` and `high` (m,)."""
         nodes, weights = np.polynomial.legendre.leggauss(BETWEEN)
-        middle, half = 0.5 * (edges[:-1] + edges[1:]), 0.5 * (edges[:-1] - edges[1:])
-        z = (middle[:, None] - half[:, None] * nodes).ravel()
-        if not z.size:
-            return np.zeros(len(self.names))
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        z = middle[:, None] + half[:, None] * nodes
         # A step that ends where a contact lets go may be so short that shares are 1 to rounding all over it.
-        return self._creep(epsilon, end - z**2, most=1.0 - np.finfo(float).eps) @ (
-            2.0 * z * (half[:, None] * weights).ravel()
-        )
+        speeds = self._creep(epsilon, end - z.ravel() ** 2, most=1.0 - np.finfo(float).eps)
+        return (speeds.reshape(-1, *z.shape) * (2.0 * z * half[:, None] * weights)).sum(axis=2)
 
     def __repr__(self) -> str:
         answer = "holds" if self.holds else "fails" if self.loss else "open"

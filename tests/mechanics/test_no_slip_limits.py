@@ -37,6 +37,14 @@ def test_a_contact_creeps_a_finite_way_before_it_lets_go(mu: float) -> None:
     assert found.distance(1e-3) == pytest.approx([1e-2 * mu], rel=1e-6)
 
 
+def test_a_contact_that_is_pushed_to_and_fro_creeps_the_whole_way() -> None:
+    """Its share is 4/5 |cos t|, with a corner wherever the force turns; beside these one part in ten thousand was lost."""
+    found = contact({y: 2 * sp.cos(x) / 5}, law="linear").no_slip(
+        start={"x": 0, "y": 0, "xdot": 1}, span=(0, 10)
+    )
+    assert found.distance(1e-3) == pytest.approx([0.8e-3 * (6 - np.sin(10))], rel=1e-6)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("mu", [(0.8, 0.4), (0.4, 0.8), (0.5, 0.5)])
 def test_in_a_cone_that_is_no_circle_the_slip_is_that_of_the_full_field(mu: tuple[float, float]) -> None:
