@@ -269,6 +269,33 @@ def test_a_change_of_variables_changes_nothing() -> None:
         assert a.orbit.time == pytest.approx(b.orbit.time, rel=1e-7)
 
 
+@pytest.mark.parametrize(
+    "units",
+    [(1, 1, 10**6), (sp.Rational(1, 10**6), sp.Rational(1, 10**3), sp.Rational(1, 10**3)), (10**3, 10**6, 1)],
+)
+def test_units_of_the_states_change_nothing(units) -> None:
+    """In the first the strong canard began beside it, and gamma_0 was lost; in the second no orbit met the section."""
+    mu, smooth = sp.Rational(7, 20), normal_form(sp.Rational(7, 20))
+    sizes = dict(zip((x, z, y), map(sp.sympify, units)))
+    inner = {s: s * unit for s, unit in sizes.items()}
+    slow, fast = (
+        {s: e.xreplace(inner) / sizes[s] for s, e in part.items()} for part in (smooth.slow, smooth.fast)
+    )
+    box = (-1 / float(sizes[y]), 1 / float(sizes[y]))
+    system = gsp.SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    found = gsp.folded_canards(node(system, y=box), epsilon=0.01)
+    assert [c.name for c in found.canards] == ["gamma_0", "gamma_w"]
+    assert found.section == ("z", 0.0)
+    for canard, place in zip(found.canards, (0.005, 0.01 * float(mu) / 2)):
+        assert canard.point["x"] * float(sizes[x]) == pytest.approx(place, rel=1e-9)
+        family = gsp.follow_canard(canard, epsilon=(0.0095, 0.0105))
+        np.testing.assert_allclose(family["x"] * float(sizes[x]), family.epsilon * place / 0.01, rtol=1e-8)
+    # Where both sheets end, in the model's units.
+    ends = found.attracting.ends * [float(sizes[x]), float(sizes[y])]
+    assert np.abs(ends).max() < 1.0
+    assert found.repelling.line.value * float(sizes[y]) == pytest.approx(0.451, abs=0.01)
+
+
 # -- Koper's model ---------------------------------------------------------------------------------
 
 

@@ -23,6 +23,7 @@ from gsp.orbits.canard_orbits.canard import (
     section_crossing,
 )
 from gsp.orbits.canard_orbits.collocation import OrbitSegment
+from gsp.orbits.canard_orbits.node_units import canard_in, in_own_units, orbit_in
 from gsp.orbits.canard_orbits.sheet import CurveEnd
 from gsp.results.card import Card
 from gsp.systems.arguments import check_each, check_noun, check_whole
@@ -117,11 +118,13 @@ def follow_canard(canard: Canard, *, epsilon: tuple[float, float], max_points: i
             f"the bounds enclose the canard's own {canard.frame.system.epsilon} = {canard.epsilon:g}.",
             got=f"({low:g}, {high:g})",
         )
-    follower = _Follower(canard, (low, high), max_points)
+    frame = in_own_units(canard.frame)
+    units = frame.units
+    follower = _Follower(canard_in(canard, units, frame), (low, high), max_points)
     down, up = follower.trace(-1), follower.trace(1)
     (lower, below, folds_below, first), (upper, above, folds_above, last) = down, up
-    orbits = (*lower[:0:-1], *upper)
-    points = np.array([*below[:0:-1], *above])
+    orbits = tuple(orbit_in(orbit, 1.0 / units) for orbit in (*lower[:0:-1], *upper))
+    points = np.array([*below[:0:-1], *above]) * units
     return CanardFamily(
         system=canard.frame.system,
         name=canard.name,

@@ -25,6 +25,7 @@ from gsp.orbits.canard_orbits.canard import (
 from gsp.orbits.canard_orbits.collocation import OrbitSegment
 from gsp.orbits.canard_orbits.frame import FoldedNodeFrame, Plane, frame_at, line_of, section_of
 from gsp.orbits.canard_orbits.line import SheetNotFound
+from gsp.orbits.canard_orbits.node_units import canard_in, in_own_units, plane_in, sheet_in
 from gsp.orbits.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
@@ -211,10 +212,11 @@ def folded_canards(
     CanardOrbits(3 at epsilon = 0.01: gamma_0, xi_1, gamma_w)
     """
     check_noun(singularity, FoldedSingularity, verb="folded_canards")
-    frame = frame_at(singularity, epsilon=check_epsilon(epsilon))
-    plane = section_of(frame, section)
+    model = frame_at(singularity, epsilon=check_epsilon(epsilon))
+    frame = in_own_units(model)
+    plane = plane_in(section_of(model, section), frame.units)
     lines = [
-        None if line is None else line_of(frame, line, what=what)
+        None if line is None else plane_in(line_of(model, line, what=what), frame.units)
         for line, what in ((attracting, "attracting"), (repelling, "repelling"))
     ]
     try:
@@ -227,19 +229,19 @@ def folded_canards(
             f"{error} Take a smaller {frame.system.epsilon}, or another line nearer to the fold, on the same sheet."
         ) from None
     finder = _Finder(frame, plane, builders, sheets)
-    canards = finder.find()
+    back = 1.0 / frame.units
     return CanardOrbits(
-        system=frame.system,
+        system=model.system,
         singularity=singularity,
-        epsilon=frame.epsilon,
-        canards=tuple(canards),
-        attracting=sheets[0],
-        repelling=sheets[1],
+        epsilon=model.epsilon,
+        canards=tuple(canard_in(canard, back, model) for canard in finder.find()),
+        attracting=sheet_in(sheets[0], back),
+        repelling=sheet_in(sheets[1], back),
         expected=singularity.secondary_canards,
         unresolved=finder.unresolved,
         touching=finder.touching,
         exhausted=finder.exhausted,
-        frame=frame,
+        frame=model,
     )
 
 

@@ -7,7 +7,8 @@ the reduced flow has its singular canards; those in between fill the funnel.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
@@ -19,6 +20,7 @@ from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity
 from gsp.systems.flow import values_by_name
+from gsp.systems.region import in_units
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # How a singular canard leaves the folded node, in units of the local scale.
@@ -48,6 +50,8 @@ class FoldedNodeFrame:
 
     - `point` (3,), the two slow states before the fast one; `strong` and `weak` (3,) point to the attracting side,
       as long as `unit` in the slow plane; `rates` are their eigenvalues;
+    - `sizes` (3,) are how far the states move in the time |T|^(-1/2), the fast one by |T|^(1/2)/|g_yy|; `units` (3,)
+      those of the model's states in which the system here is written;
     - `width` is the local scale of the fast variable, (epsilon |T|)^(1/2)/|g_yy|, with T of
       `singularities.desingularised`, `depth` that of g, epsilon |T|/|g_yy|, and `unit` of the slow variables
       along the fold, |f| times `time` = (epsilon/|T|)^(1/2), that of slow time. In these the system near the
@@ -61,6 +65,8 @@ class FoldedNodeFrame:
     strong: np.ndarray
     weak: np.ndarray
     rates: tuple[float, float]
+    sizes: np.ndarray
+    units: np.ndarray
     width: float
     depth: float
     unit: float
@@ -111,8 +117,10 @@ class FoldedNodeFrame:
         return trajectory_of(self.desingularised, start, (0.0, end), rtol=rtol, atol=atol, options=options)
 
 
-def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFrame:
-    """The frame of a folded node.
+def frame_at(
+    singularity: FoldedSingularity, *, epsilon: float, units: np.ndarray | None = None
+) -> FoldedNodeFrame:
+    """The frame of a folded node, with its states in `units` (3,) where they are given.
 
     Raises `FoldedError` where there is no folded node whose canards cross from the attracting to the repelling
     sheet, or not two slow variables.
@@ -125,6 +133,11 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFra
             got=len(system.x),
         )
     _check_kind(singularity)
+    if units is None:
+        units = np.ones(3)
+    else:
+        singularity = singularity_in(singularity, units)
+        system = singularity.system
     flow = desingularise(system)
     x, y = system.x, system.y[0]
     point = np.array([float(sp.N(singularity.point[s.name])) for s in system.states])
@@ -134,12 +147,17 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFra
     values, vectors = np.linalg.eig(jacobian(point, _NOTHING).reshape(3, 3))
     slope = [derivative(flow.g, s) for s in system.states]
     bend = [derivative(flow.fold, s) for s in system.states]
-    local = compile_function([*bend, *flow.f], arguments=system.states)
+    drift = [derivative(rate, s) for rate in flow.f for s in system.states]
+    local = compile_function([*bend, *flow.f, *drift], arguments=system.states)
     at = local(point, _NOTHING)
     exact_eigenvalues = [float(sp.N(value)) for value in singularity.eigenvalues]
     trace = abs(float(sp.N(singularity.trace)))
     time = float(np.sqrt(epsilon / trace))
     unit = float(np.linalg.norm(at[3:5])) * time
+    moves = np.abs([*at[3:5], trace / at[2]]) / np.sqrt(trace)
+    # Across the fold states move at second order only.
+    across = np.abs(at[5:]).reshape(2, 3) @ moves / np.sqrt(trace)
+    sizes = moves + np.append(across, 0.0)
     directions = []
     for value in exact_eigenvalues:
         v = np.real(vectors[:, int(np.argmin(np.abs(values - value)))])
@@ -158,6 +176,8 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFra
         strong=directions[0],
         weak=directions[1],
         rates=(exact_eigenvalues[0], exact_eigenvalues[1]),
+        sizes=np.where(sizes > 0.0, sizes, 1.0),
+        units=units,
         width=float(np.sqrt(epsilon * trace) / abs(at[2])),
         depth=float(epsilon * trace / abs(at[2])),
         unit=unit,
@@ -167,18 +187,35 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFra
     )
 
 
+def singularity_in(singularity: FoldedSingularity, units: np.ndarray) -> FoldedSingularity:
+    """The singularity of the system with its states in `units` (3,); eigenvalues know of none."""
+    system = singularity.system
+    sizes = dict(zip(system.states, units))
+    moved = SlowFastSystem(
+        slow=in_units(system.slow, sizes),
+        fast=in_units(system.fast, sizes),
+        epsilon=system.epsilon,
+        parameters=system.parameters,
+        name=system.name,
+    )
+    exact = {s.name: sp.Rational(*float(unit).as_integer_ratio()) for s, unit in sizes.items()}
+    point = {name: value / exact[name] for name, value in singularity.point.items()}
+    return replace(singularity, system=moved, point=MappingProxyType(point))
+
+
 def section_of(
     frame: FoldedNodeFrame, section: Mapping[str, float] | Mapping[sp.Symbol, float] | None
 ) -> Plane:
-    """The section: by default the slow variable of the larger rate at the node takes its value there."""
+    """The section: by default the slow variable that is the faster at the node beside its size has its value there."""
     system = frame.system
     names = [s.name for s in system.x]
     rates = np.array([float(sp.N(rate)) for rate in _slow_rates(frame)])
+    shares = np.abs(rates) / frame.sizes[:2]
     if section is None:
-        index = int(np.argmax(np.abs(rates)))
+        index = int(np.argmax(shares))
         return Plane(index, float(frame.point[index]))
     index, value = _single(section, names, what="section")
-    if abs(rates[index]) < 1e-6 * np.abs(rates).max():
+    if shares[index] < 1e-6 * shares.max():
         raise DeclarationError(
             f"the section {names[index]} = {value:g} is not crossed by the slow flow at the folded node, "
             f"where {names[index]}' = {rates[index]:.3g}.",

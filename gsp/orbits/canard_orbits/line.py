@@ -56,7 +56,8 @@ class SheetLine:
 
     def in_words(self) -> str:
         """The line for messages."""
-        return f"the line {self.frame.system.states[self.plane.index].name} = {self.plane.value:.6g}"
+        frame, index = self.frame, self.plane.index
+        return f"the line {frame.system.states[index].name} = {self.plane.value * frame.units[index]:.6g}"
 
     def _default(self, decay: float) -> Plane:
         times = np.linspace(0.0, self.strong.t[-1], LOOKS)
