@@ -38,7 +38,7 @@ def test_a_contact_creeps_a_finite_way_before_it_lets_go(mu: float) -> None:
 
 
 def test_a_contact_that_is_pushed_to_and_fro_creeps_the_whole_way() -> None:
-    """Its share is 4/5 |cos t|, with a corner wherever the force turns; beside these one part in ten thousand was lost."""
+    """Its share is 4/5 |cos t|, with a corner wherever the force turns: one part in ten thousand was lost there."""
     found = contact({y: 2 * sp.cos(x) / 5}, law="linear").no_slip(
         start={"x": 0, "y": 0, "xdot": 1}, span=(0, 10)
     )
