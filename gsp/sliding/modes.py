@@ -147,10 +147,14 @@ class SwitchMode:
         along = [abs(self._tests(state, constants)[0]) for state in states.T]
         return bool(along[-1] <= TANGENT * max(along))
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether no phi moves the surfaces that it slides on apart, so that nothing says what each of them bears."""
+        return self._solved[1] == 0
+
     def goes_on(self, state: np.ndarray, among: set[int]) -> bool:
         """Whether a run on the surfaces `among` can go on in this mode from `state`."""
-        if self._solved[1] == 0:
-            # No phi moves the surfaces that it slides on apart from one another: nothing holds a run on all of them.
+        if self.is_shared:
             return False
         D, *tests = self._tests(state, compile_flow(self.flow).constants)
         if not D > 0.0:

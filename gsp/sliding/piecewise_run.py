@@ -155,11 +155,15 @@ def run_piecewise(
                 why = Reason(
                     "a two-fold: both fields are tangent there, and what follows is not decided by them"
                 )
-            found = modes.after(mode.signs, among, state)
+            signs = mode.signs
+            found = modes.after(signs, among, state)
         pieces.append(Piece(tuple(_SIDES[sign] for sign in mode.signs), run, loss))
     if not why:
+        held = modes.of(tuple(0 if c in among else sign for c, sign in enumerate(signs)))
         why = (
-            _undecided(found) if len(found) != 1 else Reason(f"{max_pieces} pieces; raise max_pieces to go on")
+            _undecided(found, held)
+            if len(found) != 1
+            else Reason(f"{max_pieces} pieces; raise max_pieces to go on")
         )
     return PiecewiseRun(field, law, tuple(pieces), why)
 
@@ -197,7 +201,13 @@ def _loss(met: set[str], law: SwitchLaw) -> LossKind | None:
     return None
 
 
-def _undecided(found: list[SwitchMode]) -> Reason:
+def _undecided(found: list[SwitchMode], held: SwitchMode) -> Reason:
+    """Why none or several of the modes go on, beside the one that is `held` on every surface met."""
     if found:
         return Reason("sliding repels: orbits leave it to more than one side")
+    if held.is_shared and len(held.stuck) > 1:
+        met = " and ".join(f"{held.field.surfaces[c]} = 0" for c in held.stuck)
+        return Reason(
+            f"{met} are met at once and depend on one another: which of them bears how much is not decided"
+        )
     return Reason("a two-fold: the fields are tangent there, and what follows is not decided by them")

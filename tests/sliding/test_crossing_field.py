@@ -52,6 +52,16 @@ def test_a_law_that_overshoots_holds_both_for_longer() -> None:
     assert run.changes[0] > 1.1
 
 
+def test_surfaces_that_depend_on_one_another_are_named() -> None:
+    """Two blocks that touch each other and the ground, at rest: what each contact bears is not told by their rest."""
+    field = CrossingField({u: 0, w: 0}, [{u: -2}, {w: -2}, {u: -1, w: 1}], [u, w, u - w])
+    run = run_piecewise(field, start={"u": 1, "w": 1}, span=(0, 2))
+    assert [piece.sides for piece in run.pieces] == [(PLUS, PLUS, SLIDING)]
+    assert str(run.message).startswith(
+        "u = 0 and w = 0 and u - w = 0 are met at once and depend on one another"
+    )
+
+
 def test_one_surface_is_a_field_of_two_sides() -> None:
     given = PiecewiseField({x: 1, u: x}, {x: 1, u: 1}, u)
     modes = SwitchModes(given.crossing, -1.0, 1.0)

@@ -195,7 +195,7 @@ def folded_canards(
     there is a canard: gamma_0, the strong one, after one half-turn, the secondary xi_k after 2 k + 1 (Wechselberger,
     SIAM J. Appl. Dyn. Syst. 4 (2005) 101-139). Each is solved as one orbit from line to line.
 
-    `section` fixes a slow variable near the node, by default the one that runs fastest at its value there.
+    `section` fixes a slow variable near the node, by default the one that is the faster there beside its size.
     `attracting` and `repelling` fix one state on a line of M0 each; by default the fast variable, where orbits
     beside the strong canard have come nearer to the slow manifold by 40 powers of e. Another line moves the canards
     by exp(-c/epsilon).
