@@ -269,6 +269,14 @@ def test_a_change_of_variables_changes_nothing() -> None:
         assert a.orbit.time == pytest.approx(b.orbit.time, rel=1e-7)
 
 
+def test_the_weak_canard_is_found_where_the_curves_stand_still_before_they_cross() -> None:
+    """At mu = 1/10 they touch at gamma_w and end 1e-13 beside each other; their last crossing was xi_4."""
+    found = gsp.folded_canards(node(normal_form(sp.Rational(1, 10)), y=(-1, 1)), epsilon=0.01)
+    assert [c.name for c in found.canards] == ["gamma_0", "xi_1", "xi_2", "xi_3", "xi_4", "gamma_w"]
+    assert found.touching
+    assert found["gamma_w"].point["x"] == pytest.approx(0.1 * 0.01 / 2, abs=1e-7)
+
+
 @pytest.mark.parametrize(
     "units",
     [(1, 1, 10**6), (sp.Rational(1, 10**6), sp.Rational(1, 10**3), sp.Rational(1, 10**3)), (10**3, 10**6, 1)],

@@ -333,10 +333,26 @@ class _Finder:
             return axis, None
         if len(solved) == 1 and self._is_strong(last):
             return axis, None
-        off = deviation(last.orbit, last.share, axis, self.section, WEAK_REACH * self.frame.unit)
-        if not passed and off > WEAK_DISTANCE * self.frame.width:
-            return axis, None
+        if not passed and not self._is_along(last, axis):
+            return axis, self._between_ends(axis)
         return split(last.orbit, last.share), last
+
+    def _is_along(self, solved: _SolvedCanard, axis: tuple[OrbitSegment, OrbitSegment]) -> bool:
+        """Whether a canard runs along the sheets' innermost orbits."""
+        off = deviation(solved.orbit, solved.share, axis, self.section, WEAK_REACH * self.frame.unit)
+        return off <= WEAK_DISTANCE * self.frame.width
+
+    def _between_ends(self, axis: tuple[OrbitSegment, OrbitSegment]) -> _SolvedCanard | None:
+        """The weak canard where both curves stand still at it before they cross there."""
+        place = np.mean([sheet.ends[0] for sheet in self.sheets], axis=0)
+        at_ends = SectionCrossing(place, (0, 0.0), (0, 0.0))
+        guess = guess_at(at_ends, *self.sheets)
+        for touching, solve in ((False, self.solver.solve), (True, self.solver.touching)):
+            found = self._solved(at_ends, solve(guess))
+            if found is not None and self._is_along(found, axis):
+                self.touching = touching
+                return found
+        return None
 
     def _is_innermost(self, solved: _SolvedCanard) -> bool:
         """Whether a canard is where the curves would cross next to their inner ends, and no secondary one before.
