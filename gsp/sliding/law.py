@@ -8,7 +8,7 @@ with 1 - phi ~ C w^-m (algebraic tails, n = -m) or faster than any power (tanh).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
 from functools import cached_property
@@ -22,6 +22,7 @@ from gsp.errors import DeclarationError
 from gsp.results.card import Card
 from gsp.roots import root
 from gsp.systems.arguments import shown
+from gsp.systems.region import powers_of_two
 
 W = sp.Symbol("w")
 _CLIPPED = sp.Max(-1, sp.Min(1, W))
@@ -72,6 +73,11 @@ class LawEnd:
         """n/(2n - 1): orbits leave a visible fold where it is this power of epsilon wide; None without an order."""
         return None if self.order is None else self.order / (2 * self.order - 1)
 
+    def in_units(self, unit: float) -> LawEnd:
+        """The same where w was in a `unit`."""
+        coefficient = None if self.coefficient is None else self.coefficient * unit ** -float(self.order or 0)
+        return replace(self, place=self.place * unit, coefficient=coefficient)
+
 
 @dataclass(frozen=True, repr=False)
 class SwitchLaw(Card):
@@ -94,12 +100,20 @@ class SwitchLaw(Card):
     @cached_property
     def upper(self) -> LawEnd:
         """The end of the rising part over w > 0."""
-        return _end(self.expression, self.symbol)
+        return _end(self.at(self.unit * self.symbol), self.symbol).in_units(float(self.unit))
 
     @cached_property
     def lower(self) -> LawEnd:
         """The end of the rising part over w < 0, of -phi(-w)."""
-        return _end(-self.expression.xreplace({self.symbol: -self.symbol}), self.symbol)
+        return _end(-self.at(-self.unit * self.symbol), self.symbol).in_units(float(self.unit))
+
+    @cached_property
+    def unit(self) -> sp.Expr:
+        """The power of two next to 1/phi'(0), in which w is where phi is looked at; 1 where there is none."""
+        slope = abs(self.slope)
+        if not 0.0 < slope < inf:
+            return sp.S.One
+        return sp.Rational(*float(powers_of_two([1.0 / slope])[0]).as_integer_ratio())
 
     @property
     def overshoots(self) -> bool:
@@ -137,7 +151,7 @@ def switch_law(phi: str | sp.Expr | SwitchLaw) -> SwitchLaw:
     assert isinstance(symbol, sp.Symbol)
     law = SwitchLaw(symbol, phi)
     for side in (1, -1):
-        limit = sp.N(phi.xreplace({symbol: side * FAR[1]}), DIGITS)
+        limit = sp.N(phi.xreplace({symbol: side * law.unit * FAR[1]}), DIGITS)
         if not limit.is_Float or abs(limit - side) > AGREEMENT:
             raise DeclarationError(
                 f"phi tends to {sp.N(limit, 6)} where {symbol} goes to {side * sp.oo}.",

@@ -78,7 +78,7 @@ class NoSlip(Drawn, Tabular):
             end = min(self.law.upper.place, self.law.lower.place)
             if share >= 1.0:
                 return end
-            wide = 1.0
+            wide = float(self.law.unit)
             while wide < end and gap(wide) < 0.0:
                 wide *= 2.0
             found = root(gap, 0.0, min(wide, end))

@@ -64,6 +64,22 @@ def test_the_peak_of_stribecks_law_is_known_in_closed_form() -> None:
     assert (end.place, end.value) == pytest.approx((3**0.5, 0.75 * 3**0.5), rel=1e-14)
 
 
+@pytest.mark.parametrize(
+    "unit", [sp.Rational(1, 10**9), sp.Rational(1, 1000), sp.Integer(1000), sp.Integer(10**9)]
+)
+def test_a_law_is_the_same_over_slips_in_any_unit(unit: sp.Expr) -> None:
+    """In millimetres a second Stribeck's law lost its maximum, and atan its limits over slips of 1e9."""
+    peak, tail, flat = (
+        switch_law(LAWS[name].xreplace({W: W / unit})).upper for name in ("stribeck", "atan", "cubic")
+    )
+    assert peak.kind is LawEndKind.PEAK
+    assert (peak.place / float(unit), peak.value) == pytest.approx((3**0.5, 0.75 * 3**0.5), rel=1e-12)
+    assert (tail.kind, tail.order) == (LawEndKind.ALGEBRAIC_TAIL, -1)
+    assert tail.coefficient == pytest.approx(float(2 * unit / sp.pi), rel=1e-6)
+    assert (flat.order, flat.place) == (2, pytest.approx(float(unit)))
+    assert flat.coefficient == pytest.approx(1.5 / float(unit) ** 2)
+
+
 def test_the_two_ends_of_a_law_that_is_not_odd() -> None:
     law = switch_law(sp.Max(-1, sp.Min(1, W + sp.Min(0, W))))
     assert (law.upper.place, law.lower.place) == (1.0, 0.5)
