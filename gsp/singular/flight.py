@@ -63,7 +63,8 @@ class Flights:
         """The flight of an orbit that leaves M0 at `point` for v = `beyond`; None where it is not back after `longest`,
         in slow time.
         """
-        side = 1 if beyond > point[self._switch.fast.name] else -1
+        left = point[self._switch.fast.name]
+        side = 1 if beyond > left else -1
         state, t = self._on_surface(point), 0.0
         runs: list[Trajectory] = []
         # A flight crosses the surface so often at most.
@@ -81,7 +82,7 @@ class Flights:
                 return None
             t, state = float(run.t[-1]), {s.name: float(run[s.name][-1]) for s in self._states}
             x = [state[s.name] for s in self._system.x]
-            landed = self._first_sheet(x, side)
+            landed = self._first_sheet(x, side, abs(left) or 1.0)
             if landed is not None:
                 return Flight(
                     tuple(runs),
@@ -103,19 +104,22 @@ class Flights:
             found[switch.state.name] = float(switch.value.xreplace(place))
         return {s.name: found[s.name] for s in self._states}
 
-    def _first_sheet(self, x: list[float], side: int) -> float | None:
-        """The v at which the layer flow from infinity on a side comes to rest; None where it goes through."""
+    def _first_sheet(self, x: list[float], side: int, unit: float) -> float | None:
+        """The v at which the layer flow from infinity on a side comes to rest; None where it goes through.
+
+        `unit` is how large v is where the flight begins.
+        """
         constants = compile_flow(self._system).constants
 
         def rate(angle: float) -> float:
-            return float(self._layer(np.array([*x, np.tan(angle)]), constants)[0])
+            return float(self._layer(np.array([*x, unit * np.tan(angle)]), constants)[0])
 
-        # Sheets are looked for between 4096 places, even in the angle whose tangent is v.
+        # Sheets are looked for between 4096 places, even in the angle whose tangent is v in its unit.
         angles = side * np.linspace(np.pi / 2, -np.pi / 2, 4097)[1:-1]
-        points = np.column_stack([np.tile(x, (angles.size, 1)), np.tan(angles)])
+        points = np.column_stack([np.tile(x, (angles.size, 1)), unit * np.tan(angles)])
         rates = self._layer(points, constants)[:, 0]
         stops = np.flatnonzero(np.sign(rates) == side)
         if not stops.size or stops[0] == 0:
             return None
         found = root(rate, float(angles[stops[0] - 1]), float(angles[stops[0]]))
-        return None if found is None else float(np.tan(found))
+        return None if found is None else float(unit * np.tan(found))

@@ -114,3 +114,18 @@ def test_a_flight_takes_the_field_that_was_split(orbit: SingularOrbit) -> None:
     branch = solve_critical(other).nearest({"x": -1, "y": -1})
     with pytest.raises(GspError, match="whose fast variable is the switch's, v"):
         singular_orbit(branch, {"x": -1, "y": -1}, switched=belt)
+
+
+def test_a_flight_comes_down_in_any_unit_of_the_slip() -> None:
+    """Over slips of 1e6 the sheet was sought at v up to 1304, and the orbit never came back."""
+    w = slip / 10**6
+    force = sp.Rational(2, 5) * w / sp.sqrt(1 + w**2) + sp.Rational(6, 5) * w / (1 + w**2)
+    wide = VectorField({x: u, u: -x + force}, epsilon=eps)
+    system = split(wide).system
+    assert system is not None
+    start = {"x": 0.5, "v": 3e5}
+    found = singular_orbit(solve_critical(system).nearest(start), start, switched=wide)
+    assert found.closes
+    (piece,) = found.cycle
+    assert piece.flight is not None
+    assert piece.flight.point["v"] == pytest.approx(-61293.186, rel=1e-7)
