@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
@@ -18,6 +19,7 @@ from gsp.exports.reduced_model import ReducedModel
 from gsp.exports.reserved_words import JAVASCRIPT_WORDS, JULIA_WORDS, XPPAUT_NAME, XPPAUT_WORDS
 from gsp.exports.sbml_text import sbml_text
 from gsp.results.tex import as_spelt, name_in_tex, tex
+from gsp.systems.tolerances import RTOL
 
 
 def javascript_text(model: ReducedModel) -> str:
@@ -72,7 +74,13 @@ def ode_text(model: ReducedModel) -> str:
     lines += [f"{names[s]}'={text}" for s, text in zip(model.states, rates)]
     lines += [f"aux {names[s]}={text}" for s, text in zip(model.observed, manifold)]
     lines += [f"init {names[s]}={value!r}" for s, value in zip(model.states, model.start)]
-    lines += [f"@ t0={model.span[0]!r}, total={model.span[1] - model.span[0]!r}", "done"]
+    total = model.span[1] - model.span[0]
+    # By itself XPPAUT takes steps of 0.05, keeps 5000 of them, and ends a run at a value above 100.
+    lines += [
+        f"@ t0={model.span[0]!r}, total={total!r}, dt={total / 1000!r}, bounds={sys.float_info.max!r}",
+        f"@ meth=5dp, toler={RTOL!r}, atoler={model.tolerance!r}",
+        "done",
+    ]
     return commented(model, names, "# ") + "".join(f"{line}\n" for line in lines)
 
 

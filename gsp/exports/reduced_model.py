@@ -18,6 +18,7 @@ from gsp.slow.coordinates import set_apart
 from gsp.slow.series import READABLE, SeriesManifold
 from gsp.systems.flow import check_order
 from gsp.systems.region import shown_region
+from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 # Of 1800 terms a text has 200 kB and is made in 10 s, of 9500 terms 850 kB in a minute.
 LONGEST = 4000
@@ -29,6 +30,7 @@ class ReducedModel:
 
     The `states` s are coordinates of the slow manifold: the slow variables or, on an implicit branch, fast variables of
     the point of M0 in place of slow ones or beside them. `observed` z are the other slow variables and the fast ones.
+    `tolerance` is the absolute one of a run, as `integrate` has it.
     """
 
     facts: tuple[str, ...]
@@ -39,6 +41,7 @@ class ReducedModel:
     parameters: Mapping[sp.Symbol, sp.Expr]
     start: tuple[float, ...]
     span: tuple[float, float]
+    tolerance: float
     rate_terms: tuple[tuple[sp.Expr, ...], ...]
     manifold_terms: tuple[tuple[sp.Expr, ...], ...]
 
@@ -126,6 +129,7 @@ def reduced_model(study: Study, order: int) -> ReducedModel:
         parameters=kept,
         start=start,
         span=scene.span,
+        tolerance=absolute_tolerance(RTOL, study.region, study.start),
         rate_terms=tuple(tuple(replaced(e, apart) for e in row) for row in field),
         manifold_terms=tuple(tuple(replaced(e, apart) for e in row) for row in manifold),
     )

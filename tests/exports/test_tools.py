@@ -322,3 +322,23 @@ def test_every_scene_computes_the_same_in_xppaut(name: str) -> None:
         found.append(xppaut.values(there, expressions, np.abs(row).tolist()))
     size = np.abs(wanted).max(axis=0)
     assert (np.abs(np.array(found) - wanted[:4]) <= 1e-12 * np.maximum(np.abs(wanted[:4]), size)).all()
+
+
+@pytest.mark.parametrize(
+    ("rate", "height", "end"), [(1.0, 1.0, 0.001), (0.001, 1.0, 5000.0), (1.0, 1e6, 1.0), (3e3, 1.0, 1.0)]
+)
+def test_xppaut_runs_the_whole_span_whatever_its_length_the_size_of_values_and_the_rates(
+    rate: float, height: float, end: float
+) -> None:
+    system = gsp.SlowFastSystem(
+        slow={x: -k * (x - sp.cos(x))},
+        fast={y: height * x - y},
+        epsilon=sp.Symbol("epsilon"),
+        parameters={k: rate},
+    )
+    scene = gsp.Scene(system, {"x": (0, 1)}, start={"x": 0.5, "y": height}, span=(0, end), epsilon=1e-3)
+    rows, _ = xppaut.run(gsp.export(scene, order=0, to="ode"))
+    run = solve_ivp(
+        lambda _, state: -rate * (state - np.cos(state)), (0, end), [0.5], method="LSODA", rtol=1e-10
+    )
+    assert rows[-1] == pytest.approx([end, run.y[0, -1], height * run.y[0, -1]], rel=1e-5)
