@@ -21,7 +21,7 @@ from gsp.sweeps.execution import (
 from gsp.sweeps.fingerprint import PACKAGES, fingerprint_of
 from gsp.sweeps.ledger import this_host, write_whole
 from gsp.sweeps.plan import Plan, Variable, block_of
-from gsp.sweeps.store import STATUS, Store, kept
+from gsp.sweeps.store import STATUS, Store, folders_of_plans, kept
 from gsp.sweeps.tasks import as_numbers, check_options, meaning_of
 from gsp.sweeps.worker import Subject, subject_of, timed_point
 from gsp.systems.arguments import shown
@@ -48,17 +48,15 @@ def prepared(
 
     Points are computed to plan in a process that `elsewhere` begins, or in this one.
     """
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{root} cannot be made: {error.strerror}.", "Give another folder.") from None
-    entries = [path for path in root.iterdir() if not path.name.endswith(".partial")]
-    if entries and not (root / "plan.json").is_file():
-        raise OutputError(f"{root} holds other files than those of a sweep.", "Give an empty folder.")
     check_options(task, options)
     content, name = _model(model)
     subject = _subject(content, name)
     subject.check(axes, options, task)
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{root} cannot be made: {error.strerror}.", "Give another folder.") from None
+    _refuse_others(root, content, name)
     fingerprint = fingerprint_of(task, options, subject.scene)
     if anew:
         for folder in root.glob("data-*"):
@@ -69,25 +67,40 @@ def prepared(
     plan = Plan(task, options, name, axes, (1,) * len(axes), {}, fingerprint)
     folder = root / plan.name
     if not (folder / "plan.json").is_file():
-        if content is not None:
-            write_whole(root / name, content)
         about = {"task": task, "model": name, **{k: v for k, v in fingerprint.items() if k in PACKAGES}}
         building = root / f"{plan.name}.{this_host()}.{os.getpid()}.partial"
         try:
-            ready = _like_earlier(root, plan, points) or _measured(plan, root, points, elsewhere)
-        except BaseException:
-            if content is not None and not (root / "plan.json").is_file():
-                (root / name).unlink(missing_ok=True)
-            raise
-        Store(building, ready).create(about)
-        try:
+            building.mkdir(exist_ok=True)
+            if content is not None:
+                (building / name).write_bytes(content)
+            ready = _like_earlier(root, plan, points) or _measured(plan, building, points, elsewhere)
+            Store(building, ready).create(about)
+            if content is not None:
+                os.replace(building / name, root / name)
             building.rename(folder)
-        except OSError:
-            # Another process has planned the same sweep meanwhile.
-            shutil.rmtree(building)
+        except BaseException as error:
+            shutil.rmtree(building, ignore_errors=True)
+            # Another process may have planned the same sweep meanwhile.
+            if not isinstance(error, OSError) or not (folder / "plan.json").is_file():
+                raise
     if not (root / "plan.json").is_file() or kept(root).plan.name != plan.name:
         write_whole(root / "plan.json", json.dumps({"data": plan.name}).encode())
     return Store.open(folder)
+
+
+def _refuse_others(root: Path, content: bytes | None, name: str) -> None:
+    """Raises `OutputError` where `root` holds more than a sweep, or what one that was killed has left."""
+    if (root / "plan.json").is_file():
+        return
+    ours = folders_of_plans(root)
+    for path in root.iterdir():
+        is_model = path.name == name and path.is_file() and path.read_bytes() == content
+        if not (is_model or path in ours or path.suffix == ".partial"):
+            raise OutputError(
+                f"{root} holds other files than those of a sweep.",
+                "Give an empty folder.",
+                got=shown(path.name),
+            )
 
 
 def _model(model: str | Path | Scene | None) -> tuple[bytes | None, str]:
@@ -145,12 +158,11 @@ def _refuse_changes(root: Path, fingerprint: Mapping[str, str]) -> None:
 
 def _like_earlier(root: Path, plan: Plan, points: int | None) -> Plan | None:
     """The plan with what a point records and costs from one over the same axes; None when there is none."""
-    for folder in sorted(root.glob("data-*")):
-        if (folder / "plan.json").is_file():
-            other = Store.open(folder).plan
-            if set(other.axes) == set(plan.axes):
-                block = block_of(plan.shape, points or math.prod(other.block))
-                return replace(plan, block=block, variables=other.variables)
+    for folder in folders_of_plans(root):
+        other = Store.open(folder).plan
+        if set(other.axes) == set(plan.axes):
+            block = block_of(plan.shape, points or math.prod(other.block))
+            return replace(plan, block=block, variables=other.variables)
     return None
 
 

@@ -162,6 +162,11 @@ def zarr_or_remedy() -> Any:
     return library("zarr", "sweeps are kept by", extra="sweeps")
 
 
+def folders_of_plans(root: Path) -> list[Path]:
+    """The folders of the plans of the sweep in `root`, in order, and none that is half built."""
+    return sorted(path.parent for path in root.glob("data-*/plan.json") if path.parent.suffix != ".partial")
+
+
 def kept(root: Path) -> Store:
     """The store that the sweep in `root` fills now; raises `OutputError` when the folder holds none."""
     try:

@@ -16,7 +16,7 @@ import numpy as np
 from gsp.errors import DeclarationError, one_line
 from gsp.results.point_verbs import Record, point_verbs
 from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Variable
-from gsp.sweeps.store import STATUS, Store
+from gsp.sweeps.store import STATUS, Store, folders_of_plans
 from gsp.sweeps.tasks import encoded, function_of, is_verb, variables_of
 from gsp.systems.arguments import check_among, check_positive
 
@@ -154,7 +154,7 @@ def compute_chunk(folder: str, data: str, chunk: int) -> bool:
             return False
         if store.ledger.entry(chunk) is None:
             subject = subject_of(root, store.plan.model)
-            earlier = [_store(other) for other in _earlier(root, data)]
+            earlier = [_store(other) for other in folders_of_plans(root) if other.name != data]
             fill(store, chunk, lambda point: _found(store, earlier, subject, point))
             subject.forget()
     return True
@@ -219,11 +219,6 @@ def _looked_up(
         v.recorded: v.meanings[int(blocks[name][inside])] if v.meanings else blocks[name][inside]
         for name, v in plan.variables.items()
     }
-
-
-def _earlier(root: Path, data: str) -> list[Path]:
-    """The folders of other plans of the same sweep."""
-    return sorted(path.parent for path in root.glob("data-*/plan.json") if path.parent.name != data)
 
 
 def _store(folder: Path) -> Store:

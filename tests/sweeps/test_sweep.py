@@ -299,6 +299,29 @@ def test_what_killed_planners_have_left_is_removed_in_the_end(tmp_path: Path) ->
     assert left == sorted([f"data-0.{here}.{os.getpid()}.partial", "data-0.there.1.partial"])
 
 
+@pytest.mark.parametrize("step", ["_measured", "Store.create", "Path.rename", "write_whole"])
+def test_a_sweep_of_a_model_that_was_killed_while_it_was_planned_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    asked = {"over": {"kappa": (0.5, 1.5)}, "model": models.load("michaelis_menten"), "workers": 1}
+    runs = tmp_path / "runs"
+
+    def killed(*_: object, **__: object) -> None:
+        raise SystemExit
+
+    with monkeypatch.context() as patched:
+        patched.setattr(f"gsp.sweeps.planning.{step}", killed)
+        # Nothing is put away after a kill.
+        patched.setattr("gsp.sweeps.planning.shutil.rmtree", lambda *_, **__: None)
+        with pytest.raises(SystemExit):
+            sweep(of_scene, into=runs, **asked)
+    assert sweep(of_scene, into=runs, **asked).is_complete
+    sweep(of_scene, into=tmp_path / "calm", **asked)
+    # What a living process has half built is its own.
+    found = {name: content for name, content in contents(runs).items() if ".partial/" not in name}
+    assert found == contents(tmp_path / "calm")
+
+
 def test_a_claim_gives_signs_of_life(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     waves(tmp_path)
     store = Store.open(next(tmp_path.glob("data-*")))
@@ -476,6 +499,9 @@ def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="other files"):
         waves(tmp_path)
     assert (tmp_path / "thesis.tex").read_text() == "finished"
+    (tmp_path / "thesis.tex").rename(tmp_path / "model.toml")
+    with pytest.raises(OutputError, match=r"other files.*model\.toml"):
+        sweep(of_scene, over={"kappa": (1.0,)}, into=tmp_path, model=models.load("michaelis_menten"), workers=1)
     with pytest.raises(OutputError, match="holds no sweep"):
         Sweep(tmp_path)
     (tmp_path / "plan.json").write_text(json.dumps({"data": "../../etc"}))
