@@ -297,8 +297,6 @@ def test_demo_without_a_model_lists_the_demos() -> None:
     assert "told in steps" in run("demo").output
     with pytest.raises(GspError, match="no MODEL"):
         run("demo", "--epsilon", "0.1")
-    with pytest.raises(GspError, match="there is no folder"):
-        run("demo", "linear", "-o", "nowhere/page.html", "--no-open")
 
 
 def test_a_report_is_written_where_it_was_asked_for(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -468,3 +466,21 @@ def test_a_reduced_run_on_an_implicit_branch_is_told_in_the_variables_that_were_
     assert [line.split()[0] for line in lines if "->" in line] == ["y", "x"]
     assert "x0" not in lines[-1]
     assert "y = " in lines[-1]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "demo linear --no-open -o nowhere/page.html",
+        "check linear --prove -o nowhere/proof.json",
+        "animate linear -o nowhere/run.gif",
+        "export linear -o nowhere/linear.py",
+    ],
+)
+def test_a_folder_that_is_not_there_is_told_before_the_work(
+    arguments: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for work in ("slow_tubes.certify.certify", "demos.animation.animate", "exports.export.export"):
+        monkeypatch.setattr(f"gsp.{work}", lambda *_, **__: pytest.fail("the work began"))
+    with pytest.raises(GspError, match="there is no folder"):
+        run(*arguments.split())

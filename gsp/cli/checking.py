@@ -10,7 +10,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, give, print_json, progress_bar, tell
+from gsp.cli.telling import check_interrupt, check_parent, give, print_json, progress_bar, tell
 from gsp.errors import DeclarationError, GspError
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ def check(
             "-o writes a proof, but only samples were asked for.",
             "Add --prove, --prove-cycle or --prove-passage, or leave -o out.",
         )
+    if output is not None:
+        check_parent(output)
     study = study_of(scene)
     if prove_cycle or prove_passage:
         with progress_bar("cycle" if prove_cycle else "passage") as advance:

@@ -214,6 +214,7 @@ def animate(scene: Scene, output: Path | None, view: str | None, seconds: float)
 
     tell_variables(scene)
     target = output or Path(f"gsp-{scene.name or 'scene'}.gif")
+    check_parent(target)
     with progress_bar("frames") as show:
         make_animation(scene, target, view=view, seconds=seconds, progress=show)
     wrote(target)
@@ -239,6 +240,8 @@ def export(scene: Scene, order: int, to: str, output: Path | None, as_json: bool
     """
     from gsp.exports.export import export as export_scene
 
+    if output is not None:
+        check_parent(output)
     text = export_scene(scene, order=order, to=to)
     check_interrupt()
     if output is not None:
