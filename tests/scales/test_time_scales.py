@@ -220,7 +220,7 @@ def test_beside_a_clock_the_run_is_the_longest_time_scale_and_a_conserved_sum_ha
         assert found.gap[1:] == pytest.approx(20.0 * 101.0)
         assert found.message.startswith("From t = ")
         assert "nothing else moves" not in found.message
-        assert found.fast(2) == ("u", "y")
+        assert found.fast(2) == ("y", "u")
 
 
 def test_a_growing_mode_is_never_exhausted() -> None:
