@@ -415,6 +415,15 @@ HIDDEN = {
 }
 
 
+@pytest.mark.parametrize(("rate", "lost"), [(-((y**3 + y - x) ** 2), True), ((x - y - y**3) / 10**12, False)])
+def test_a_row_that_vanishes_on_the_branch_is_told_from_one_that_is_small(rate: sp.Expr, lost: bool) -> None:
+    # Points of a double zero are known to the root of rounding, and to that the row 2 (y^3 + y - x)(...) vanishes.
+    system = SlowFastSystem(slow={x: 1}, fast={y: rate, z: y - z}, epsilon=eps)
+    verdict = classify(solve_critical(system).branches[0], region={"x": (0.5, 2), "y": (-3, 3), "z": (-3, 3)})
+    assert (verdict.kind is Kind.LOST) == lost
+    assert [loss.kind for loss in verdict.losses] == [LossKind.VANISHING_DAMPING] * lost
+
+
 def test_the_slow_combinations_of_a_fast_block_are_told() -> None:
     flux = x - 2 * y - z
     system = SlowFastSystem(slow={x: -x}, fast={y: flux + eps * y, z: -flux + eps * z}, epsilon=eps)
