@@ -222,7 +222,7 @@ def natural_scales(
 
     The last is the least size at which a column of g_u or of g_uu weighs as much as the others do, so that scaling
     a variable scales it. It counts also where |u| is nothing beside it but rounding. Where g tells nothing the size is
-    |u| if that is `above` this, else 1.
+    |u| if that is `above` this, else 1, or for several fast variables what balances g_y among them.
     """
     names = [s.name for s in problem.unknowns]
     scales = np.array([bounds[n][1] - bounds[n][0] if n in bounds else abs(v) for n, v in zip(names, u)])
@@ -242,7 +242,23 @@ def natural_scales(
                 if matters == np.inf and given[j] > above:
                     continue
                 scales[j] = matters if given[j] <= NOTHING * matters else given[j]
-    return np.where((scales > 0.0) & np.isfinite(scales), scales, 1.0)
+    known = (scales > 0.0) & np.isfinite(scales)
+    scales = np.where(known, scales, 1.0)
+    if isinstance(problem, LayerProblem) and np.isfinite(weights).all():
+        fast = len(names) - problem.size
+        unsized = np.flatnonzero(~known[fast:])
+        scales[fast + unsized] = _balanced(weights[np.ix_(unsized, fast + unsized)])
+    return scales
+
+
+def _balanced(block: np.ndarray) -> np.ndarray:
+    """Sizes (k,) of variables with which the rows of a block (k, k) of |g_y| weigh alike: 1 in the geometric mean."""
+    from scipy.linalg import matrix_balance
+
+    if len(block) < 2:
+        return np.ones(len(block))
+    sizes = matrix_balance(block, permute=False, separate=True)[1][0]
+    return sizes / np.exp(np.log(sizes).mean())
 
 
 def _least(total: np.ndarray, weights: np.ndarray) -> float:

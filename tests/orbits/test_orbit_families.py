@@ -79,6 +79,23 @@ def test_hopf_points_are_on_the_curve_through_the_equilibrium_at_the_flows_own_p
     assert found.value == pytest.approx(97.787888964, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    "units", [(1, 1), (10**6, sp.Rational(1, 10**6)), (sp.Rational(1, 10**6), 10**6), (10**9, 1)]
+)
+def test_a_hopf_point_at_the_origin_is_found_in_any_units(units) -> None:
+    # The states are 0 and tell no size: what balances their Jacobian does.
+    m = sp.Symbol("m")
+    within = {x: x / units[0], y: y / units[1]}
+    rates = (m * x - y - x * (x**2 + y**2), x + m * y - y * (x**2 + y**2))
+    field = gsp.VectorField(
+        {s: unit * rate.xreplace(within) for s, unit, rate in zip((x, y), units, rates)},
+        parameters={m: sp.Rational(1, 5)},
+    )
+    (found,) = gsp.hopf_points(field, start={"x": 0, "y": 0}, parameter=m, bounds=(-1, 1))
+    assert (found.value, found.omega) == (pytest.approx(0.0, abs=1e-12), pytest.approx(1.0))
+    assert found.l1 < 0.0
+
+
 def test_a_curve_that_ends_before_the_bounds_without_a_hopf_point_is_named() -> None:
     x, y, mu, epsilon = sp.symbols("x y mu epsilon")
     system = gsp.SlowFastSystem(slow={y: -y}, fast={x: sp.sqrt(mu) - x}, epsilon=epsilon, parameters={mu: 1})
