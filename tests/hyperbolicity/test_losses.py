@@ -364,9 +364,12 @@ def test_curves_of_other_losses_are_merged() -> None:
 
 @pytest.mark.exhaustive
 def test_folds_that_are_not_joined_are_two_losses() -> None:
-    case = Case({x: sp.Integer(1), u: -u}, {y: x - y**3 / 3 + y}, {}, PLANE, LossKind.FOLD)
-    verdict = judge(case)
-    assert sorted(round(loss.point["y"]) for loss in verdict.losses) == [-1, 1]
+    # Folds at 1 and -3/2, between which Newton's method leads from one curve to the other.
+    rate = x - y**3 / 3 - y**2 / 4 + 3 * y / 2
+    verdict = judge(
+        Case({x: sp.Integer(1), u: -u}, {y: rate}, {}, {"x": (-2, 3), "u": (-1, 1.1)}, LossKind.FOLD)
+    )
+    assert sorted(loss.point["y"] for loss in verdict.losses) == pytest.approx([-1.5, 1])
 
 
 # -- singular everywhere ------------------------------------------------------------------------------
