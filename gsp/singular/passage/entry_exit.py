@@ -8,7 +8,8 @@ falls, and rises again after the loss; a deviation of size 1 at the start has th
 branch is invariant for epsilon > 0 the orbit leaves when Phi is back at 0 (De Maesschalck and Schecter, J.
 Differential Equations 260 (2016) 6697-6715). Where it is not, the slow manifolds of both sides differ, and Phi cannot
 rise by more than the limit of the loss: up to the buffer point at a pair of complex eigenvalues
-(`gsp.singular.passage.complex_time`), not at all at a real one (`gsp.singular.passage.losses_met`).
+(`gsp.singular.passage.complex_time`), not at all at a real one (`gsp.singular.passage.losses_met`), be it the rightmost
+or one that follows it.
 """
 
 from __future__ import annotations
@@ -51,8 +52,8 @@ def entry_exit(
     that turn, so that the rightmost eigenvalue counts.
 
     Raises `PassageError` where the branch does not attract at the start, where it ends (a fold), where an eigenvalue of
-    fast variables that the others do not move takes over, and where an eigenvalue rises through 0 with no speed on a
-    branch that is not invariant;
+    fast variables that the others do not move takes over, and on a branch that is not invariant where an eigenvalue
+    rises through 0 with no speed, where several do together, and where a second pair reaches its buffer point first;
     `UnsupportedFunctionError` when a pair is lost and the field is not analytic; `DeclarationError` for arguments
     that are not well formed.
 
