@@ -5,8 +5,8 @@ all that they do in the time scale of the next is within the tolerance (Lam and 
 
     |sum_(r <= M) a_r (b^r . F) tau_(M+1)| < rtol |z| + atol    in each state.                                    (1)
 
-Beside a clock, a state whose rate is a number, no tau but those of conserved sums is longer than the run: a clock has
-no other.
+Beside a clock, whose rate no state moves, no tau but those of conserved sums is longer than the run: a clock has no
+other.
 """
 
 from __future__ import annotations
@@ -282,7 +282,7 @@ def _times(run: Trajectory, rates: np.ndarray, conserved: int) -> np.ndarray:
     """tau_r (k, n) of rates whose last ones are those of conserved sums."""
     with np.errstate(divide="ignore"):
         tau = 1.0 / np.abs(rates)
-    if any(rate.is_number and rate != 0 for rate in run.flow.rates):
+    if any(rate != 0 and rate.free_symbols.isdisjoint(run.flow.states) for rate in run.flow.rates):
         moving = slice(tau.shape[1] - conserved)
         tau[:, moving] = np.minimum(tau[:, moving], np.ptp(run.t))
     return tau

@@ -202,21 +202,21 @@ def test_groups_participate_together() -> None:
     assert (found.participation[:, 0] >= 0.0).all()
 
 
-@pytest.mark.parametrize("by_clock", [False, True])
-def test_beside_a_clock_the_run_is_the_longest_time_scale_and_a_conserved_sum_has_none(by_clock: bool) -> None:
+@pytest.mark.parametrize("speed", [None, sp.Integer(1), sp.Symbol("omega")])
+def test_beside_a_clock_the_run_is_the_longest_time_scale_and_a_conserved_sum_has_none(speed) -> None:
     # The rate of x is 0 beside a clock, or its own; u + v is conserved, and its rate is 0 whatever else there is.
     t, u, v = sp.symbols("t u v")
     pair = {u: v - 100 * u, v: 100 * u - v}
-    forced = {x: y - x - sp.sin(t), y: -100 * (y - x), t: sp.Integer(1)} if by_clock else {}
+    forced = {x: y - x - sp.sin(t), y: -100 * (y - x), t: speed} if speed is not None else {}
     found = time_scales(
-        VectorField({**forced, **pair}),
+        VectorField({**forced, **pair}, parameters={speed: 1} if isinstance(speed, sp.Symbol) else {}),
         start=dict.fromkeys(map(str, {**forced, **pair}), 1.0),
         span=(0, 20),
         at=[0.0, 5.0, 20.0],
     )
-    assert found.exhausted.tolist() == ([0, 2, 2] if by_clock else [0, 0, 0])
+    assert found.exhausted.tolist() == ([0, 2, 2] if forced else [0, 0, 0])
     assert np.isinf(found.times[:, -1]).all()
-    if by_clock:
+    if forced:
         assert found.gap[1:] == pytest.approx(20.0 * 101.0)
         assert found.message.startswith("From t = ")
         assert "nothing else moves" not in found.message
