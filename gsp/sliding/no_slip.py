@@ -97,7 +97,8 @@ class NoSlip(Drawn, Tabular):
         """How far each contact has crept at the end (contacts,): the integral of `creep`.
 
         Where a contact lets go its speed grows as 1/sqrt(T - t), and so it is summed over sqrt(T - t), by Gauss's rule.
-        Intervals are halved where their halves tell more, as about a time at which a contact is asked for nothing.
+        Intervals are halved until their halves tell no more twice in a row: about a time at which a contact is asked
+        for nothing they agree once by chance.
         """
         end = float(self.t[-1])
         edges = np.sqrt(end - self.run.t[self.run.t <= end])
@@ -106,14 +107,17 @@ class NoSlip(Drawn, Tabular):
             return total
         whole = self._crept(epsilon, end, low, high)
         least = np.sqrt(np.finfo(float).eps) * whole.sum(axis=1, keepdims=True)
+        agreed = np.zeros(low.size, dtype=bool)
         while low.size:
             middle = 0.5 * (low + high)
             lower, upper = self._crept(epsilon, end, low, middle), self._crept(epsilon, end, middle, high)
-            open_ = (np.abs(lower + upper - whole) > least).any(axis=0) & (low < middle) & (middle < high)
+            agrees = (np.abs(lower + upper - whole) <= least).all(axis=0)
+            open_ = ~(agrees & agreed) & (low < middle) & (middle < high)
             total += (lower + upper)[:, ~open_].sum(axis=1)
             low = np.append(low[open_], middle[open_])
             high = np.append(middle[open_], high[open_])
             whole = np.append(lower[:, open_], upper[:, open_], axis=1)
+            agreed = np.tile(agrees[open_], 2)
         return total
 
     def _crept(self, epsilon: float, end: float, low: np.ndarray, high: np.ndarray) -> np.ndarray:
