@@ -41,3 +41,22 @@ def test_the_other_unstable_directions_at_a_zero_are_counted(rates: tuple[int, i
     assert loss.note == (
         f"{count} of the other fast directions are unstable, so orbits leave anyway" if count else ""
     )
+
+
+@pytest.mark.parametrize("unit", [sp.Rational(1, 10**9), 10**9])
+@pytest.mark.parametrize("cubic", [0, -1])
+def test_a_push_is_one_in_any_unit_of_the_fast_variable(unit: sp.Rational, cubic: int) -> None:
+    # In v = y/unit the push is 1: orbits leave at once, as `entry_exit` says too.
+    fast = {y: x * y + cubic * y**3 / unit**2 + unit * eps}
+    kind = LossKind.PITCHFORK if cubic else LossKind.RANK_CHANGE
+    loss = loss_of(fast, {"x": -0.5, "y": 0}, kind)
+    assert loss.coefficients["push"] == pytest.approx(float(unit))
+    assert "delay" not in loss.consequence
+
+
+def test_a_delay_is_promised_for_an_invariant_branch_only() -> None:
+    # w = y - x^2 - 2 epsilon has epsilon w' = (x - 4 epsilon) w - w^2 - 4 epsilon^2: the push is of second order.
+    v = y - x**2
+    loss = loss_of({y: v * (x - v)}, {"x": -0.5, "y": 0.25}, LossKind.TRANSCRITICAL)
+    assert loss.coefficients["lambda"] == pytest.approx(1.0)
+    assert "where the branch is invariant" in loss.consequence

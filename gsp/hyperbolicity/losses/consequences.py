@@ -32,7 +32,12 @@ NOTHING_PASSES = LossConsequence(
     "the slow flow vanishes here, so nothing passes", False, "move the region off it"
 )
 STOP_OR_CROSS = "stop the reduced flow here, or integrate the full system across"
-EXIT = "the exit is where the integral of the eigenvalue vanishes"
+EXIT = "entry_exit tells which, and where the exit is"
+# Coefficients at the loss do not say whether the branch is invariant for epsilon > 0.
+DELAY = (
+    "with delay, until the integral of the eigenvalue is zero, where the branch is invariant for epsilon > 0; else "
+    "higher orders in epsilon push orbits off it within (epsilon ln(1/epsilon))^(1/2)"
+)
 
 
 def fold(coefficients: Mapping[str, float], slow: int) -> LossConsequence:
@@ -82,8 +87,7 @@ def transcritical(coefficients: Mapping[str, float]) -> LossConsequence:
     value = coefficients["lambda"]
     if abs(value - 1.0) <= BOUNDARY:
         return LossConsequence(
-            "the branches exchange their stability with delay: orbits stay on the repelling branch for a time of "
-            "order 1 in slow time, until the integral of the eigenvalue is zero",
+            f"the branches exchange their stability {DELAY}",
             False,
             EXIT,
         )
@@ -110,13 +114,8 @@ def pitchfork(coefficients: Mapping[str, float]) -> LossConsequence:
             False,
             STOP_OR_CROSS,
         )
-    if abs(coefficients["push"]) <= BOUNDARY:
-        return LossConsequence(
-            "supercritical and symmetric: orbits stay on the repelling branch for a time of order 1 in slow time, "
-            "until the integral of the eigenvalue is zero",
-            False,
-            EXIT,
-        )
+    if coefficients["push"] == 0.0:
+        return LossConsequence(f"supercritical: orbits leave the repelling branch {DELAY}", False, EXIT)
     return LossConsequence(
         "supercritical: orbits go over to one of the two outer branches within epsilon^(1/2), the inner region "
         "being epsilon^(1/4) wide in v",
@@ -136,13 +135,8 @@ def rank_change(coefficients: Mapping[str, float]) -> LossConsequence:
             False,
             "keep the region on the attracting side",
         )
-    if abs(coefficients["push"]) <= BOUNDARY:
-        return LossConsequence(
-            "the fast fibre consists of equilibria; orbits leave with delay, when the integral of the eigenvalue is "
-            "back to zero",
-            False,
-            EXIT,
-        )
+    if coefficients["push"] == 0.0:
+        return LossConsequence(f"the fast fibre consists of equilibria; orbits leave {DELAY}", False, EXIT)
     return LossConsequence(
         "the fast fibre consists of equilibria; orbits leave it after a time (epsilon ln(1/epsilon))^(1/2)",
         False,

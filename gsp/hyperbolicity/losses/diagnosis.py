@@ -105,6 +105,11 @@ class Diagnosis:
         values = np.abs(self._rates(self.samples, self.sampler.p)[:, : self.nx])
         return np.max(np.where(np.isfinite(values), values, 0.0), axis=0, initial=0.0)
 
+    def largest_push(self, left: np.ndarray) -> float:
+        """Largest |<l, g_1>|, term by term, over the samples."""
+        pushes = np.abs(self._rates(self.samples, self.sampler.p)[:, self.nx :]) @ np.abs(left)
+        return float(np.max(pushes[np.isfinite(pushes)], initial=0.0))
+
     def local(self, z: np.ndarray) -> Local:
         """Everything that names are decided by, at one point."""
         J = self.problem.jacobian(z)

@@ -219,7 +219,9 @@ def _branch_point(
     moves = bool((np.abs(at.slow) > ZERO_TERM * diagnosis.fastest).any())
     cross = float(np.einsum("i,ijk,j,k->", left, at.second, kernel[0], along))
     bent = 0.5 * float(np.einsum("i,ijk,j,k->", left, at.second, along, along))
-    push = float(left @ at.push)
+    terms = float(np.einsum("i,ijk,j,k->", *map(np.abs, (left, at.second, along, along))))
+    bent = _settled(bent, terms)
+    push = _settled(float(left @ at.push), diagnosis.largest_push(left))
     if a:
         # A power of a float that is too large raises; a product is infinite.
         discriminant = 0.25 * cross * cross - a * bent
@@ -231,7 +233,7 @@ def _branch_point(
         if moves and cross != 0.0:
             # The tangent of the branch that is a graph over x is along + slope (0, r).
             slope = -bent / cross
-            coefficients |= {"crossing": cross, "push": push - slope}
+            coefficients |= {"crossing": cross, "push": _settled(push - slope, max(abs(push), abs(slope)))}
         if c:
             kind, verdict = LossKind.PITCHFORK, consequences.pitchfork(coefficients)
         else:
@@ -242,6 +244,11 @@ def _branch_point(
     return diagnosis.loss(
         at.z, Contact.ZERO, kind, test, value, verdict, coefficients=coefficients, note=here.note
     )
+
+
+def _settled(value: float, terms: float) -> float:
+    """The value, 0 where it is nothing beside the terms that it is made of."""
+    return value if abs(value) > ZERO_TERM * terms else 0.0
 
 
 def _touching(diagnosis: Diagnosis, here: _SimpleZero, coefficients: Mapping[str, float]) -> Loss:
