@@ -153,7 +153,7 @@ class DelayedExit(Card):
             ExitKind.ENTRY_EXIT: "int Re lambda is back at 0",
             ExitKind.BUFFER: "no orbit stays longer than to the buffer point",
             ExitKind.AT_LOSS: "the branch is not invariant for epsilon > 0: exit O(epsilon^(1/2)) after the loss"
-            if self.losses and self.losses[-1].kind is LossKind.TRANSCRITICAL
+            if self._is_pushed_off
             else "the branch is not invariant for epsilon > 0: exit O((epsilon ln 1/epsilon)^(1/2)) after the loss",
         }[self.kind]
         extra = ""
@@ -163,6 +163,12 @@ class DelayedExit(Card):
             missing = [loss for loss in self.losses if loss.eigenvalue.imag and not loss.turning_points]
             extra = "; no turning point was found, so there may be a buffer point before" if missing else ""
         return f"{self.kind}: exit after slow time {self.t:.12g} at {place}; {reason}{extra}"
+
+    @property
+    def _is_pushed_off(self) -> bool:
+        """Whether a push of the first order in epsilon meets another branch at the last loss."""
+        last = self.losses[-1:]
+        return bool(last) and last[0].kind is LossKind.TRANSCRITICAL and "order" not in last[0].coefficients
 
     def _phi_at(self, t: float) -> float:
         for piece, before in zip(self._pieces, self._phi_ends):

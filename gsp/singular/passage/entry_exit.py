@@ -26,8 +26,8 @@ from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.losses_met import PassedLoss, passed_loss
-from gsp.singular.passage.slow_orbit import ResolvedPanel, SlowOrbit, crossing, interpolate
+from gsp.singular.passage.losses_met import PassedLoss, check_touching, passed_loss
+from gsp.singular.passage.slow_orbit import RESOLVED, ResolvedPanel, SlowOrbit, crossing, interpolate
 from gsp.systems.arguments import check_noun, check_number, shown
 from gsp.systems.flow import Point, as_points
 from gsp.systems.region import Interval, check_region
@@ -148,16 +148,31 @@ class _Passage:
         self.pieces.append(piece)
         self.ends.append(before)
         self.phi = before + float(piece.primitive[-1])
-        found = self._left(piece, before)
+        touches = self._touches(piece)
+        found = self._left(piece, before, touches)
+        if not self.invariant:
+            for t in touches:
+                if found is None or t < found:
+                    check_touching(self.orbit, t)
         if self.invariant or not self.losses or self.kind is ExitKind.AT_LOSS:
             return found
         return self._left_beside(piece, found)
 
-    def _left(self, piece: ResolvedPanel, before: float) -> float | None:
+    def _touches(self, piece: ResolvedPanel) -> list[float]:
+        """The times on the piece at which the rightmost real part comes up to 0, as resolved, and falls."""
+        noise = len(piece.t) * RESOLVED * self.orbit.rate
+        slopes = np.zeros(0) if piece.has_kink else _derivative(piece.t, piece.values)
+        turns = 1 + np.flatnonzero((slopes[:-1] > 0.0) & (slopes[1:] <= 0.0))
+        times = [crossing(piece.t, slopes, 0.0, int(i)) for i in turns]
+        return [t for t in times if abs(interpolate(piece.t, piece.values, np.array([t]))[0]) <= noise]
+
+    def _left(self, piece: ResolvedPanel, before: float, touches: list[float]) -> float | None:
         """The time on the piece at which the level is reached, or the rightmost eigenvalue lets orbits leave."""
         phi = before + piece.primitive
         for i in range(1, len(phi)):
-            if piece.values[i - 1] < 0.0 <= piece.values[i]:
+            beside = piece.t[i - 1], piece.t[min(i + 1, len(phi) - 1)]
+            rises = piece.values[i - 1] < 0.0 <= piece.values[i]
+            if rises and not any(beside[0] <= t <= beside[1] for t in touches):
                 t = crossing(piece.t, piece.values, 0.0, i)
                 self._meet(piece, t, before)
                 if self.kind is ExitKind.AT_LOSS:

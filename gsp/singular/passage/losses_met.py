@@ -141,19 +141,13 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool,
     speed = float(np.abs(np.real(orbit.eigenvalues(path)[:, which])).max()) / orbit.time
     if together or crossing <= np.sqrt(np.finfo(float).eps) * speed:
         # A zero of the order k is known to the k-th root of rounding, and no coefficient of it is.
-        near = {
-            s.name: float(np.round(v / size, 3) * size) + 0.0 for s, v, size in zip(system.states, z, sizes)
-        }
+        near = _near(orbit, z, sizes)
         if not invariant:
             shown = in_words(near, 4)
-            why = (
+            raise _undecided(
                 f"several eigenvalues rise through 0 together near {shown}"
                 if together
                 else f"the rightmost eigenvalue rises through 0 near {shown} with no speed, to a higher order"
-            )
-            raise PassageError(
-                f"{why}, and the branch is not invariant: how it is left is not decided here.",
-                "Run the full system.",
             )
         none = float("inf")
         rate = crossing if together else 0.0
@@ -178,8 +172,36 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool,
     return PassedLoss(t, point, kind, leading.real + 0j, crossing, outcome, limit, coefficients)
 
 
+def check_touching(orbit: SlowOrbit, t: float) -> None:
+    """Raise `PassageError` where orbits may leave at `t`, where the rightmost eigenvalue comes up to 0 and falls again.
+
+    There epsilon u' = -s(t) u + q u^2 + p u^3 + epsilon rho with s >= 0: without a root beside s = 0 where q rho > 0.
+    """
+    z = orbit.at(t)
+    if orbit.eigenvalues(z[None, :])[0, 0].imag:
+        return
+    found = _real_coefficients(orbit, z, 0.0)
+    stays = found["q"] * found["rho"] < 0.0 if found["q"] else found["p"] < 0.0
+    if not stays:
+        path = np.vstack([panel.z for panel in orbit.panels])
+        shown = in_words(_near(orbit, z, orbit.units + np.abs(path).max(axis=0)), 4)
+        raise _undecided(f"the rightmost eigenvalue comes up to 0 near {shown} and falls again")
+
+
+def _near(orbit: SlowOrbit, z: np.ndarray, sizes: np.ndarray) -> dict[str, float]:
+    """A place that is known to a root of rounding, by name."""
+    states = orbit.branch.system.states
+    return {s.name: float(np.round(v / size, 3) * size) + 0.0 for s, v, size in zip(states, z, sizes)}
+
+
+def _undecided(why: str) -> PassageError:
+    return PassageError(
+        f"{why}, and the branch is not invariant: how it is left is not decided here.", "Run the full system."
+    )
+
+
 def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict[str, float]:
-    """q, p, rho of (1), and lambda where q != 0; what is zero within rounding is 0."""
+    """q, p, rho of (1), and lambda where q and `crossing` are not 0; what is zero within rounding is 0."""
     system = orbit.branch.system
     m, n = len(system.x), len(system.y)
     problem = LayerProblem.over_all(system)
@@ -214,7 +236,7 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     rho = _settled(float(l @ ((first(z, constants) - moved) / unit)), size * float(typical))
     length = float(np.linalg.norm(unit * r))
     result = {"q": q / length, "p": p / length**2, "rho": rho * length}
-    if q != 0.0:
+    if q != 0.0 and crossing != 0.0:
         result["lambda"] = 1.0 + 2.0 * q * rho / crossing
     return result
 
