@@ -109,5 +109,7 @@ def singular_near(problem: LayerProblem, of: MatrixMap, u: np.ndarray, scales: n
     # Scaled to the size of M, so that the bordered matrix is as well conditioned as it can be.
     M = of(problem.jacobian(u)[:, k:]) * units / units[:, None]
     left, sizes, right = np.linalg.svd(M)
-    size = sizes[0] or 1.0
+    # Of one fast variable the matrix itself vanishes: what is nothing beside its changes over the scales is none.
+    changes = of(np.moveaxis(problem.second(u)[:, k:, :] * scales, 2, 0)) * units / units[:, None]
+    size = max(sizes[0], np.finfo(float).eps * np.nan_to_num(np.abs(changes)).max(initial=0.0)) or 1.0
     return Singular(problem, of, size * left[:, -1], right[-1], units)

@@ -155,6 +155,13 @@ def test_a_cusp_is_told_from_a_fold() -> None:
     assert curve.special[0].coefficients["c"] == pytest.approx(-1, abs=1e-12)
 
 
+@pytest.mark.parametrize("order", [4, 5])
+def test_a_fold_of_higher_order_than_a_cusp_is_degenerate(order: int) -> None:
+    curve = continue_critical(one(x - y**order), start={"x": 1, "y": 1}, bounds={"x": (-1, 1), "y": (-1, 1)})
+    assert kinds(curve) == [LossKind.DEGENERATE]
+    assert curve.special[0]["y"] == pytest.approx(0, abs=1e-3)
+
+
 @pytest.mark.exhaustive
 def test_a_start_at_a_fold_is_a_start_like_any_other() -> None:
     start = {"x": 1.0, "y": -2 / 3}

@@ -121,6 +121,17 @@ def test_the_units_of_the_variables_do_not_move_the_folds() -> None:
     assert [p.kind for p in folds.special] == [LossKind.CUSP]
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-14, 1e-40])
+def test_a_curve_of_folds_in_a_plane_of_symmetry_is_followed_from_any_rounding(off: float) -> None:
+    # The outer equator of a torus: g_y itself is what vanishes, and it fell to 1e-172 in three steps.
+    r2 = a**2 + b**2
+    torus = over(16 * r2 - (r2 + y**2 + 3) ** 2)
+    start = {"a": -2.9705289, "b": -0.4194961, "y": off}
+    curve = continue_folds(torus, start=start, bounds={"a": (-4, 4), "b": (-4, 4), "y": (-2, 2)})
+    assert curve.status is Status.CLOSED
+    assert np.hypot(curve["a"], curve["b"]) == pytest.approx(3.0)
+
+
 def test_fewer_points_than_needed_is_an_ending() -> None:
     folds = continue_folds(CUSP, start={"a": -3, "b": 2, "y": 1}, max_points=5)
     assert folds.status is Status.TOO_MANY_POINTS

@@ -18,6 +18,7 @@ from gsp.critical.continuation.curve_continuation import box_of, check_controls,
 from gsp.critical.continuation.location import inserted, place_between, sign_changes
 from gsp.critical.continuation.special_points import (
     SpecialPoint,
+    curvature,
     fold_coefficient,
     fold_point,
     fold_vectors,
@@ -223,7 +224,7 @@ def _special(
             u = points[a] if a == b else tracer.root(points[a], points[b], test)
             if u is not None:
                 place = place_between(points, a, b, u, scales[a])
-                found.append((place, _described(problem, u, kind, scales[a])))
+                found.append((place, _described(problem, u, kind, scales[a], points)))
     tracer.scales = scales.max(axis=0)
     return inserted(points, scales, found)
 
@@ -244,9 +245,11 @@ def _bordered_test(system, kind: LossKind) -> Callable[[np.ndarray], float]:
     return test
 
 
-def _described(problem: LayerProblem, u: np.ndarray, kind: LossKind, scales: np.ndarray) -> SpecialPoint:
-    """The point with its coefficients. It is what its test says: no coefficient is compared with a size."""
+def _described(
+    problem: LayerProblem, u: np.ndarray, kind: LossKind, scales: np.ndarray, points: np.ndarray
+) -> SpecialPoint:
+    """The point with its coefficients. It is what its test says, or degenerate."""
     if kind is LossKind.BOGDANOV_TAKENS:
         phi, psi = fold_vectors(problem, u, np.ones(problem.size))
         return special_point(problem, u, kind, right=phi, left=psi)
-    return fold_point(problem, u, scales=scales, curvature=float("inf"))
+    return fold_point(problem, u, scales=scales, curvature=curvature(problem, points, scales), is_flat=True)

@@ -36,7 +36,8 @@ class SpecialPoint(Card):
 
     - at a fold, a = <psi, g_yy phi phi>/2 and b = <psi, g_x> for the free variable x, with |phi| = 1, the
       largest component of phi positive, and <psi, phi> = 1: v' = b dx + a v^2 to leading order along phi; at a
-      cusp also c = <psi, g_yyy phi phi phi + 3 g_yy phi h>/6 with g_y h = -g_yy phi phi;
+      cusp also c = <psi, g_yyy phi phi phi + 3 g_yy phi h>/6 with g_y h = -g_yy phi phi, which is 0 at a
+      degenerate point;
     - at a Hopf point, omega, l1, the first Lyapunov coefficient (negative: supercritical, the cycles are stable),
       and crossing, the rate of Re lambda with the free variable along M0;
     - at a branch point, the discriminant of the algebraic bifurcation equation <psi, g_uu d d> = 0, positive where
@@ -135,14 +136,19 @@ def fold_vectors(problem: LayerProblem, u: np.ndarray, scales: np.ndarray) -> tu
     return phi * scales, psi / scales
 
 
-def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curvature: float) -> SpecialPoint:
-    """What kind of fold there is at u, with its coefficients; `curvature` is the largest |g_yy| on the curve."""
+def fold_point(
+    problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curvature: float, is_flat: bool = False
+) -> SpecialPoint:
+    """What kind of fold there is at u, with its coefficients; `curvature` is the largest |g_yy| on the curve.
+
+    Where `is_flat`, a test has told already that a = 0.
+    """
     k, n = len(problem.free), problem.size
     phi, psi = fold_vectors(problem, u, scales[k:])
     g_yy = problem.second(u)[:, k:, k:]
     # A fold coefficient is zero below this, relative to the largest second derivative on the curve, in scaled
     # units.
-    is_flat = abs(quadratic_coefficient(g_yy, phi, psi)) <= 1e-6 * curvature
+    is_flat = is_flat or abs(quadratic_coefficient(g_yy, phi, psi)) <= 1e-6 * curvature
     length = float(np.linalg.norm(phi))
     phi, psi = phi / length, psi * length
     values = np.sort(np.abs(problem.eigenvalues(u[None, :])[0]))
@@ -159,9 +165,11 @@ def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curv
     onset = saturates(problem, u, k + int(np.abs(phi).argmax()))
     kind = LossKind.SLIP_ONSET if onset else LossKind.FOLD
     if is_flat:
-        kind, coefficients["a"] = LossKind.CUSP, 0.0
         g_y = problem.jacobian(u)[:, k:]
-        coefficients["c"] = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
+        c = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
+        coefficients |= {"a": 0.0, "c": c}
+        # c in scaled units: of a fold of higher order it is 0 as well.
+        kind = LossKind.CUSP if abs(c) * length**2 > 1e-6 * curvature else LossKind.DEGENERATE
     return special_point(problem, u, kind, coefficients=coefficients, right=phi, left=psi)
 
 
