@@ -11,7 +11,7 @@ from gsp.singular.passage.entry_exit import entry_exit
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.system import SlowFastSystem
 
-x, y, epsilon = sp.symbols("x y epsilon")
+w, x, y, epsilon = sp.symbols("w x y epsilon")
 
 
 @pytest.mark.parametrize(
@@ -54,3 +54,14 @@ def test_a_push_of_second_order_lets_orbits_leave_after_a_logarithm_more() -> No
     found = entry_exit(solve_critical(system).nearest({"x": 1, "y": -1}), start={"y": -1})
     assert found.loss.coefficients["rho_k"] == pytest.approx(-4, rel=1e-2)
     assert "O((epsilon ln 1/epsilon)^(1/2))" in found.message
+
+
+@pytest.mark.parametrize(("moved", "push"), [((0, 0), epsilon), (((y**2 - 1) / 2, y), 0)])
+def test_a_turning_point_at_which_nothing_is_pushed_is_no_buffer_point(moved: tuple, push: sp.Expr) -> None:
+    # epsilon z' = (y + i)(z - moved + push): z = moved - push, or moved + epsilon, is invariant and analytic, so that
+    # orbits stay until the integral of y is back at 0; the buffer point of the turning point -i would be y = 1.
+    u, v = x - moved[0] + push, w - moved[1]
+    system = SlowFastSystem(slow={y: 1}, fast={x: y * u - v, w: u + y * v}, epsilon=epsilon)
+    found = entry_exit(solve_critical(system).branches[0], start={"y": -2})
+    assert found.point["y"] == pytest.approx(2.0)
+    assert found.buffer is None

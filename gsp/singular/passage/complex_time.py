@@ -7,10 +7,12 @@ by about exp(Re int lambda/epsilon) from the turning point t*, so that no orbit 
     Re int_(t*)^(t_b) lambda dt = 0,     that is    int_(t_L)^(t_b) Re lambda dt = Re int_(t_L)^(t*) lambda dt,      (1)
 
 the buffer point (Shishkova 1973; Neishtadt, Differential Equations 23 (1987) 1385-1391 and 24 (1988) 171-176; Baer,
-Erneux and Rinzel, SIAM J. Appl. Math. 49 (1989) 55-71). The field must be analytic. As a rule M0 folds over complex x
-where g_y is singular, and x(t) has a branch point at t*: besides t the orbit is continued in the time tau with
-dt = det(E_y) dtau, {E = 0} the branch, in which it passes through folds. Where g is linear in the fast variables M0
-has a pole there: when the slow rates do not contain them, x(t) does not know of it, and x(t) alone is continued.
+Erneux and Rinzel, SIAM J. Appl. Math. 49 (1989) 55-71). The field must be analytic. Where <l, g_1 - Dh_0 f> is 0 at
+t*, as for epsilon z' = (t + i)(z + epsilon), the first order is not singular there, and t* sets no limit. As a rule
+M0 folds over complex x where g_y is singular, and x(t) has a branch point at t*: besides t the orbit is continued in
+the time tau with dt = det(E_y) dtau, {E = 0} the branch, in which it passes through folds. Where g is linear in the
+fast variables M0 has a pole there: when the slow rates do not contain them, x(t) does not know of it, and x(t) alone
+is continued.
 """
 
 from __future__ import annotations
@@ -25,8 +27,10 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative, entries
 from gsp.algebra.functions import parts
+from gsp.algebra.laurent import laurent
 from gsp.errors import UnsupportedFunctionError
 from gsp.fibres.decaying_signals import chebyshev
+from gsp.singular.passage.fold_passage import ZERO
 from gsp.singular.passage.slow_orbit import SlowOrbit
 
 # Turning points nearer than this are one, in relative terms.
@@ -120,6 +124,15 @@ class ComplexOrbit:
         slopes = [] if self.slow_alone else [*entries(E, system.x), *entries(E, system.y)]
         self._field = ComplexFunction([*sampler.f, *slopes], system.states, values)
         self._g_y = ComplexFunction(g_y, system.states, values)
+        self._pushes: ComplexFunction | None = None
+        if orbit.branch.graph is not None:
+            graph = dict(orbit.branch.graph)
+            own = [laurent(g, system.epsilon, order=1).get(1, sp.Integer(0)) for g in system.g]
+            moved = [
+                sum((derivative(graph[y], x) * f for x, f in zip(system.x, sampler.f)), sp.Integer(0))
+                for y in system.y
+            ]
+            self._pushes = ComplexFunction([e.xreplace(graph) for e in (*own, *moved)], system.states, values)
 
     def rate(self, z: np.ndarray) -> np.ndarray:
         """d(t, x, y)/dtau = (det E_y, f det E_y, -adj(E_y) E_x f), or that over det E_y."""
@@ -183,8 +196,18 @@ class ComplexOrbit:
                 return ahead, complex(z[0])
         return None
 
-    def level(self, end: complex, eigenvalue: complex) -> tuple[float, complex, complex]:
-        """Re int lambda dt to tau = `end` along a straight line, lambda there, and t; lambda is continued."""
+    def is_pushed(self, z: np.ndarray) -> bool:
+        """Whether h_1 is singular at a turning point: <l, g_1 - Dh_0 f> is not 0; so where the branch is no graph."""
+        if self._pushes is None:
+            return True
+        unit = self.units[-self.n :]
+        left = np.linalg.svd(self.jacobian(z) * unit / unit[:, None])[0][:, -1].conj() / unit
+        own, moved = self._pushes(z[1:]).reshape(2, self.n)
+        # As coefficients that decide are told from 0 at real losses.
+        return bool(abs(left @ (own - moved)) > ZERO * (np.abs(left) @ (np.abs(own) + np.abs(moved))))
+
+    def level(self, end: complex, eigenvalue: complex) -> tuple[float, complex, np.ndarray]:
+        """Re int lambda dt to tau = `end` along a straight line, lambda there, and z; lambda is continued."""
         nodes, _, S = chebyshev()
         total, z, tracked = 0j, self.z, eigenvalue
         step = end / PANELS
@@ -196,7 +219,7 @@ class ComplexOrbit:
                 tracked = complex(spectrum[np.argmin(np.abs(spectrum - tracked))])
                 values.append(tracked * self.rate(z)[0])
             total += 0.5 * step * (S @ np.array(values))[-1]
-        return float(total.real), tracked, complex(z[0])
+        return float(total.real), tracked, z
 
 
 def adjugate(matrix: np.ndarray) -> np.ndarray:
@@ -246,10 +269,11 @@ def _turning_points(continued: ComplexOrbit, start: complex) -> list[TurningPoin
                 continue
             seen.append(zero[1])
             for tau in (zero[0], zero[0].conjugate()):
-                level, last, t = continued.level(tau, start)
+                level, last, z = continued.level(tau, start)
                 # An eigenvalue this small, in relative terms, has vanished.
                 if abs(last) <= 1e-5 * abs(start) and level > 0.0:
-                    found.append(TurningPoint(t, level))
+                    if continued.is_pushed(z):
+                        found.append(TurningPoint(complex(z[0]), level))
                     break
         except (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError, OverflowError):
             continue

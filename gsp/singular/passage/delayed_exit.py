@@ -161,7 +161,11 @@ class DelayedExit(Card):
             extra = "; the branch is not invariant, but rho = 0 at the loss: higher orders decide, this is the latest"
         elif self.kind is ExitKind.ENTRY_EXIT and not self.invariant:
             missing = [loss for loss in self.losses if loss.eigenvalue.imag and not loss.turning_points]
-            extra = "; no turning point was found, so there may be a buffer point before" if missing else ""
+            extra = (
+                "; no turning point that sets a limit was found: there may be a buffer point before"
+                if missing
+                else ""
+            )
         return f"{self.kind}: exit after slow time {self.t:.12g} at {place}; {reason}{extra}"
 
     @property
