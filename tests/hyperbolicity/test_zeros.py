@@ -60,3 +60,16 @@ def test_a_delay_is_promised_for_an_invariant_branch_only() -> None:
     loss = loss_of({y: v * (x - v)}, {"x": -0.5, "y": 0.25}, LossKind.TRANSCRITICAL)
     assert loss.coefficients["lambda"] == pytest.approx(1.0)
     assert "where the branch is invariant" in loss.consequence
+
+
+@pytest.mark.parametrize("rate", [10, 10**5, 10**9])
+@pytest.mark.parametrize(
+    ("fast", "kind"),
+    [
+        ({y: x * y - y**2 + z * w, z: -z + y**2}, LossKind.TRANSCRITICAL),
+        ({y: x * y - z - y**3, z: y + x * z - z**3}, LossKind.HOPF),
+    ],
+)
+def test_a_loss_has_its_name_whatever_contracts_much_faster(fast: dict, kind: LossKind, rate: int) -> None:
+    loss = loss_of(fast | {w: -rate * w + y * z}, {"x": -0.5, "y": 0, "z": 0, "w": 0}, kind)
+    assert loss.point["x"] == pytest.approx(0, abs=1e-9)

@@ -39,6 +39,10 @@ def name_loss(diagnosis: Diagnosis, found: Found) -> Loss:
     if crossing is Contact.JUMP:
         value = float(np.abs(diagnosis.sampler.eigenvalues(z[None, :])[0].real).min())
         return diagnosis.loss(z, crossing, LossKind.NON_SMOOTH, "least |Re lambda|", value, consequences.JUMP)
+    values = diagnosis.sampler.eigenvalues(z[None, :])[0]
+    # Beside a much larger eigenvalue the search takes a pair for a zero.
+    if (np.abs(values) > 1e-4 * diagnosis.sizes_beside(values)).all() and (values.imag != 0.0).any():
+        return pair(diagnosis, z)
     return zero(diagnosis, z)
 
 
@@ -48,13 +52,15 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     values = np.linalg.eigvals(at.A)
     test = "least |Re lambda| of a pair"
     # The bisection for it ends where rounding does; multiple pairs spread like a root of that.
-    axis = np.abs(values.real) <= ZERO_SINGULAR * diagnosis.scale
+    sizes = diagnosis.sizes_beside(values)
+    axis = np.abs(values.real) <= ZERO_SINGULAR * sizes
     value = float(np.abs(values.real).min())
     if axis.sum() != 2 or not at.is_finite:
         text = "derivatives do not exist here" if not at.is_finite else f"{axis.sum()} eigenvalues on the axis"
         return diagnosis.loss(
             z, Contact.PAIR, LossKind.DEGENERATE, test, value, consequences.DEGENERATE, note=text
         )
+    size = float(sizes[axis].max())
     omega = float(np.abs(values[axis].imag).max())
     l1, q, p = first_lyapunov(at.A, at.g_yy, at.third, omega)
     coefficients = {"omega": omega, "l1": l1}
@@ -64,7 +70,7 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     change = float(np.abs(changes) @ diagnosis.widths)
     speed = float(np.dot(changes, at.slow))
     notes = []
-    if change <= ZERO_TERM * diagnosis.scale:
+    if change <= ZERO_TERM * size:
         notes.append("the pair touches the axis and does not cross it to first order")
     elif abs(speed) <= ZERO_TERM * float(np.abs(changes) @ diagnosis.fastest):
         notes.append("the slow flow is tangent to the place, or vanishes there")
@@ -73,10 +79,10 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
         coefficients["crossing"] = speed
     if l1 == 0.0:
         notes.append("l1 = 0: degenerate, higher terms decide on the cycles")
-    others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())
+    others = int((values.real > ZERO_SINGULAR * sizes).sum())
     if others:
         notes.append(f"{others} of the other fast directions are unstable, so orbits leave anyway")
-    kind = LossKind.HOPF if change > ZERO_TERM * diagnosis.scale else LossKind.DEGENERATE
+    kind = LossKind.HOPF if change > ZERO_TERM * size else LossKind.DEGENERATE
     verdict = consequences.hopf(coefficients) if kind is LossKind.HOPF else consequences.DEGENERATE
     return diagnosis.loss(
         z, Contact.PAIR, kind, test, value, verdict, coefficients=coefficients, note="; ".join(notes)

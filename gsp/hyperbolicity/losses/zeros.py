@@ -21,7 +21,7 @@ from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Local
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 
-# Singular values and eigenvalues that count as zero, relative to the largest eigenvalue in the region. A double zero
+# Singular values and eigenvalues that count as zero, relative to their like in the region. A double zero
 # spreads like the square root of what its place is off.
 ZERO_SINGULAR = 1e-6
 # What the place of a branch point may be off, relative to the region.
@@ -38,9 +38,10 @@ def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
         return _degenerate(diagnosis, at, determinant, "g has no second or third derivative here")
     values = np.linalg.eigvals(at.A)
     singular = np.linalg.svd(diagnosis.in_units(at.A), compute_uv=False)
-    corank = int((singular <= ZERO_SINGULAR * max(diagnosis.scale, singular[0])).sum())
-    near = np.abs(values) <= 1e-4 * diagnosis.scale
-    on_axis = (np.abs(values.real) <= ZERO_SINGULAR * diagnosis.scale) & ~near & (np.abs(values.imag) > 0.0)
+    corank = int((singular <= ZERO_SINGULAR * diagnosis.singular_sizes).sum())
+    sizes = diagnosis.sizes_beside(values)
+    near = np.abs(values) <= 1e-4 * sizes
+    on_axis = (np.abs(values.real) <= ZERO_SINGULAR * sizes) & ~near & (np.abs(values.imag) > 0.0)
     if corank > 1:
         return _degenerate(diagnosis, at, determinant, f"{corank} zero eigenvalues with {corank} null vectors")
     if on_axis.any():
@@ -54,7 +55,7 @@ def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
                 z, Contact.ZERO, LossKind.NILPOTENT, test, np.abs(values).max(), consequences.NILPOTENT
             )
         return _degenerate(diagnosis, at, determinant, f"{near.sum()} zero eigenvalues with one null vector")
-    others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())
+    others = int((values.real > ZERO_SINGULAR * sizes).sum())
     note = f"{others} of the other fast directions are unstable, so orbits leave anyway" if others else ""
     return _simple_zero(diagnosis, at, determinant, note)
 
