@@ -684,3 +684,16 @@ def test_a_curve_that_runs_into_a_pole_beside_the_domain_of_a_logarithm_ends_the
     assert curve.special == ()
     assert curve.points[:, 0].min() > -1.0
     assert "STEP_TOO_SMALL" in str(curve)
+
+
+@pytest.mark.parametrize("rate", [10, 10**5, 10**9])
+def test_points_have_their_names_whatever_contracts_much_faster(rate: int) -> None:
+    u, v, z, q, eps = sp.symbols("u v z q epsilon")
+
+    def named(slow: int, fast: dict, start: dict):
+        system = SlowFastSystem(slow={x: slow}, fast=fast | {z: -z + u * q, q: -rate * q + u * z}, epsilon=eps)
+        return kinds(continue_critical(system, start=start | {"z": 0, "q": 0}, bounds={"x": (-1, 1)}))
+
+    rotating = {u: x * u - v - u**3, v: u + x * v - v**3}
+    assert named(1, rotating, {"x": -1, "u": 0, "v": 0}) == [LossKind.HOPF]
+    assert set(named(-1, {u: x - u**2}, {"x": 1, "u": 1})) == {LossKind.FOLD, LossKind.NEUTRAL_SADDLE}

@@ -19,6 +19,7 @@ from gsp.critical.continuation.location import inserted, place_between, sign_cha
 from gsp.critical.continuation.special_points import (
     SpecialPoint,
     curvature,
+    eigenvalue_sizes,
     fold_coefficient,
     fold_point,
     fold_vectors,
@@ -252,4 +253,5 @@ def _described(
     if kind is LossKind.BOGDANOV_TAKENS:
         phi, psi = fold_vectors(problem, u, np.ones(problem.size))
         return special_point(problem, u, kind, right=phi, left=psi)
-    return fold_point(problem, u, scales=scales, curvature=curvature(problem, points, scales), is_flat=True)
+    bent, sizes = curvature(problem, points, scales), eigenvalue_sizes(problem.eigenvalues(points))
+    return fold_point(problem, u, scales=scales, curvature=bent, sizes=sizes, is_flat=True)

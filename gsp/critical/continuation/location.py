@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from gsp.critical.continuation.special_points import (
     SpecialPoint,
     branch_point,
     curvature,
+    eigenvalue_sizes,
     fold_coefficient,
     fold_point,
     pair_point,
@@ -226,11 +228,13 @@ class _SpecialPointSearch:
         around = self.points[max(a - AROUND, 0) : b + AROUND + 1]
         scales = self.tracer.scales
         bent = curvature(self.problem, around, scales)
-        point = fold_point(self.problem, u, scales=scales, curvature=bent)
+        point = fold_point(self.problem, u, scales=scales, curvature=bent, sizes=self.sizes)
         self.found.append((self._place(a, b, u), point))
 
     def _pairs(self) -> None:
-        for a, b in sign_changes(self._pair_tests(self.points)):
+        tests = self._pair_tests(self.points)
+        # Where some eigenvalues are much smaller than others all along the curve, so is the product.
+        for a, b in sign_changes(tests / min(np.max(np.abs(tests), initial=0.0) or 1.0, 1.0)):
             self._pair(a, b, self.points[a], self.points[b])
         for a, b, ends in self._turns(self._pair_tests):
             u, value = self._least(a, b, self._pair_tests)
@@ -239,6 +243,11 @@ class _SpecialPointSearch:
                 self._pair(a, b, u, self.points[b])
             elif value <= TOUCH * ends:
                 self._pair(a, b, u, u)
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """Sizes of the eigenvalues along the curve (n_fast,)."""
+        return eigenvalue_sizes(self.problem.eigenvalues(self.points))
 
     def _pair_tests(self, u: np.ndarray) -> np.ndarray:
         return pair_test(self.problem.eigenvalues(u))
@@ -251,7 +260,7 @@ class _SpecialPointSearch:
             return
         u = polished(tracer, self.problem, bialternate, u)
         tangent = tracer.tangent(u, self._chord(a, b)) * tracer.scales
-        point = pair_point(self.problem, u, tangent)
+        point = pair_point(self.problem, u, tangent, self.sizes)
         if point is not None and self._is_new(u):
             self.found.append((self._place(a, b, u), point))
 

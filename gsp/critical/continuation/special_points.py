@@ -21,7 +21,7 @@ from gsp.results.card import Card
 from gsp.systems.flow import in_words
 from gsp.systems.region import Interval, is_within
 
-# An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
+# An eigenvalue counts as zero below this, and two sums as equal, relative to their like on the curve.
 ZERO_EIGENVALUE = 1e-6
 # A tangent counts as vertical when its free component is below this, in scaled units.
 VERTICAL = 1e-6
@@ -111,6 +111,21 @@ def most_opposite(eigenvalues: np.ndarray) -> tuple[complex, complex]:
     return complex(eigenvalues[i[closest]]), complex(eigenvalues[j[closest]])
 
 
+def eigenvalue_sizes(eigenvalues: np.ndarray) -> np.ndarray:
+    """Of the k-th smallest of eigenvalues (m, n) in modulus the largest, (n,), no less than rounding of them all."""
+    values = np.sort(np.abs(eigenvalues), axis=1)
+    sizes = np.max(np.where(np.isfinite(values), values, 0.0), axis=0, initial=0.0)
+    return np.maximum(sizes, np.sqrt(np.finfo(float).eps) * sizes.max(initial=0.0))
+
+
+def sizes_beside(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Those of `sizes` (n,) that belong to eigenvalues (n,) at one place: what they count as 0 beside.
+
+    Beside the largest of all, -1 were a zero where another direction contracts at a million times that rate.
+    """
+    return sizes[np.argsort(np.argsort(np.abs(values), kind="stable"), kind="stable")]
+
+
 def polished(tracer: PointTracer, problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> np.ndarray:
     """The point next to u where `of`(g_y) is singular, by Newton's method; u itself when that leads away."""
     try:
@@ -137,11 +152,17 @@ def fold_vectors(problem: LayerProblem, u: np.ndarray, scales: np.ndarray) -> tu
 
 
 def fold_point(
-    problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curvature: float, is_flat: bool = False
+    problem: LayerProblem,
+    u: np.ndarray,
+    *,
+    scales: np.ndarray,
+    curvature: float,
+    sizes: np.ndarray,
+    is_flat: bool = False,
 ) -> SpecialPoint:
     """What kind of fold there is at u, with its coefficients; `curvature` is the largest |g_yy| on the curve.
 
-    Where `is_flat`, a test has told already that a = 0.
+    `sizes` (n_fast,) are those of its eigenvalues. Where `is_flat`, a test has told already that a = 0.
     """
     k, n = len(problem.free), problem.size
     phi, psi = fold_vectors(problem, u, scales[k:])
@@ -153,7 +174,7 @@ def fold_point(
     phi, psi = phi / length, psi * length
     values = np.sort(np.abs(problem.eigenvalues(u[None, :])[0]))
     product = float(psi @ phi)
-    double = n > 1 and (values[1] <= 1e-5 * values[-1] or abs(product) < ZERO_EIGENVALUE)
+    double = n > 1 and (values[1] <= 1e-5 * min(values[-1], sizes[1]) or abs(product) < ZERO_EIGENVALUE)
     if double:
         return special_point(
             problem, u, LossKind.BOGDANOV_TAKENS, right=phi, left=psi / float(np.linalg.norm(psi))
@@ -198,11 +219,14 @@ def fold_coefficient(system: Singular, u: np.ndarray) -> float:
 # -- Hopf points -----------------------------------------------------------------------------------
 
 
-def pair_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray) -> SpecialPoint | None:
-    """Hopf point, neutral saddle or double zero at u, where two eigenvalues have the sum zero."""
+def pair_point(
+    problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, sizes: np.ndarray
+) -> SpecialPoint | None:
+    """Hopf point, neutral saddle or double zero at u, where two eigenvalues have the sum zero; `sizes` of the curve."""
     values = problem.eigenvalues(u[None, :])[0]
     first, second = most_opposite(values)
-    largest = float(np.abs(values).max())
+    own = sizes_beside(sizes, values)[np.isin(values, (first, second))]
+    largest = min(float(np.abs(values).max()), float(own.max()))
     if largest == 0.0 or abs(first + second) > 1e-4 * largest:
         return None
     if (

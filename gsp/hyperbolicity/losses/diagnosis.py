@@ -15,6 +15,7 @@ import numpy as np
 
 from gsp.algebra.differentiation import entries
 from gsp.algebra.laurent import laurent
+from gsp.critical.continuation.special_points import eigenvalue_sizes, sizes_beside
 from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.multilinear_form import MultilinearForm
@@ -90,27 +91,19 @@ class Diagnosis:
         return matrices * (units / units[:, None])
 
     def sizes_beside(self, values: np.ndarray) -> np.ndarray:
-        """What eigenvalues (n_fast,) at one place are 0 beside: of the k-th smallest the largest such in the region.
-
-        Beside the largest of all, -1 were a zero where another direction contracts at a million times that rate.
-        """
-        return self._sizes[np.argsort(np.argsort(np.abs(values), kind="stable"), kind="stable")]
+        """What eigenvalues (n_fast,) at one place count as 0 beside: their like in the region."""
+        return sizes_beside(self._sizes, values)
 
     @cached_property
     def _sizes(self) -> np.ndarray:
-        return self._largest(np.sort(np.abs(self.sampler.eigenvalues(self.samples)), axis=1))
+        return eigenvalue_sizes(self.sampler.eigenvalues(self.samples))
 
     @cached_property
     def singular_sizes(self) -> np.ndarray:
         """The same of singular values in units, the largest first (n_fast,)."""
         matrices = self.in_units(self.sampler.fast_jacobian(self.samples))
         finite = np.isfinite(matrices).all(axis=(1, 2))
-        return self._largest(np.linalg.svd(matrices[finite], compute_uv=False))
-
-    def _largest(self, values: np.ndarray) -> np.ndarray:
-        """Of values (m, n_fast) the largest in each column, and no less than rounding lets squares be told apart."""
-        known = np.max(np.where(np.isfinite(values), values, 0.0), axis=0, initial=0.0)
-        return np.maximum(known, np.sqrt(np.finfo(float).eps) * self.scale)
+        return eigenvalue_sizes(np.linalg.svd(matrices[finite], compute_uv=False))[::-1]
 
     @cached_property
     def _push(self):
