@@ -129,8 +129,7 @@ class ComplexOrbit:
             graph = dict(orbit.branch.graph)
             own = [laurent(g, system.epsilon, order=1).get(1, sp.Integer(0)) for g in system.g]
             moved = [
-                sum((derivative(graph[y], x) * f for x, f in zip(system.x, sampler.f)), sp.Integer(0))
-                for y in system.y
+                sp.Add(*(derivative(graph[y], x) * f for x, f in zip(system.x, sampler.f))) for y in system.y
             ]
             self._pushes = ComplexFunction([e.xreplace(graph) for e in (*own, *moved)], system.states, values)
 
