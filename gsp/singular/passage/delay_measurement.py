@@ -14,7 +14,7 @@ from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
-from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
+from gsp.singular.passage.delayed_exit import UNDERFLOW, DelayedExit, ExitKind
 from gsp.singular.passage.extended_orbit import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.arguments import check_noun, check_number
@@ -172,13 +172,15 @@ def measure_delay(
         # A square, as the root of a series that vanishes is none.
         watch={_SQUARED: squared},
     )
+    # A fast variable that falls to 0 beside others that do not is known to their rounding, of what epsilon moves.
+    vanishing = delayed.rounding == UNDERFLOW
     double = trajectory_of(
         system,
         start={name: float(exact(value)) for name, value in begin.items()},
         span=(0.0, last),
         epsilon=small,
         rtol=1e-13,
-        atol=1e-300,
+        atol=1e-300 if vanishing else np.finfo(float).eps * small * radius,
         options=RunOptions(method=Method.RADAU13),
     )
     distance = _distances(delayed, double)
