@@ -90,12 +90,12 @@ def _is_wave(e: Any) -> bool:
 def _below_one(u: Any, power: int) -> Any:
     """exp(min(u, 0)) to a power; of a double u the difference of u and |u| is exact.
 
-    SymPy's rules have nothing to find here, and take ten times as long as all else.
+    The power of an exponential would be off by as many times its rounding. SymPy's rules have nothing to find here, and
+    take ten times as long as all else.
     """
     if not power:
         return sp.S.One
-    e = sp.exp(sp.Mul(sp.S.Half, sp.Add(u, -_size(u)), evaluate=False), evaluate=False)
-    return e if power == 1 else sp.Pow(e, power, evaluate=False)
+    return sp.exp(sp.Mul(sp.Rational(power, 2), sp.Add(u, -_size(u)), evaluate=False), evaluate=False)
 
 
 def _size(u: Any) -> Any:

@@ -112,3 +112,16 @@ def test_series_and_reduced_flows_pass_where_exponentials_overflow(name: str) ->
         run = gsp.integrate(gsp.restrict(series, order=0), start={"x": start}, span=(0, 1e-3), epsilon=1e-6)
         assert run.status is Status.SUCCESS
         assert np.isfinite([run["x"][-1], run["y"][-1]]).all()
+
+
+def test_quotients_of_exponentials_keep_their_digits_in_any_unit() -> None:
+    # A diode whose voltage is 1e-9: the power of exp(x) would be off by 2e9 times its rounding.
+    steep = sp.exp(2000000000 * x)
+    part = (1 - steep) * sp.exp(3000000000 * x) / (steep + HALF)
+    at = 1.21e-9
+    exact = float(sp.N(part.subs(x, sp.Rational(at)), 30))
+    assert compile_function([part], arguments=[x])([at], [np.nan])[0] == pytest.approx(exact, rel=1e-14)
+    # In steps of collocation, too.
+    flow = gsp.VectorField({x: part}, epsilon=None)
+    run = gsp.integrate(flow, start={"x": at}, span=(0, 1e-12), epsilon=None, rtol=1e-12, atol=1e-22)
+    assert run.stats.steps < 100
