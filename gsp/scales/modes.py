@@ -7,7 +7,7 @@ Linear combinations of states that the flow conserves have rate 0, and are taken
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,9 +55,24 @@ class Coordinates:
     free: np.ndarray
     embedding: np.ndarray
 
+    def in_units(self, units: np.ndarray) -> Coordinates:
+        """The same for states counted in `units` (n,), each law in its largest term."""
+        laws = self.laws * units
+        laws /= np.abs(laws).max(axis=1, keepdims=True)
+        return replace(self, laws=laws, embedding=self.embedding * units[self.free] / units[:, None])
 
-def modes_of(jacobian: np.ndarray, coordinates: Coordinates) -> Modes:
-    """The modes of a Jacobian (n, n) of finite numbers, whose conserved combinations `coordinates` tell."""
+
+def modes_of(jacobian: np.ndarray, coordinates: Coordinates, sizes: np.ndarray) -> Modes:
+    """The modes of a Jacobian (n, n) of finite numbers, whose conserved combinations `coordinates` tell.
+
+    `sizes` (n,) are those of the states. What is rounding is decided in them: nothing balances a state that drives
+    others and is driven by none, such as a clock.
+    """
+    found = _modes_in_units(jacobian * sizes / sizes[:, None], coordinates.in_units(sizes))
+    return replace(found, right=sizes[:, None] * found.right, left=found.left / sizes)
+
+
+def _modes_in_units(jacobian: np.ndarray, coordinates: Coordinates) -> Modes:
     own = jacobian[coordinates.free] @ coordinates.embedding
     rates, groups, right, left = _modes(own)
     m, n = coordinates.laws.shape

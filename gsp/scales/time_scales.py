@@ -255,11 +255,13 @@ def time_scales(
         )
     t, states, forces, jacobians = t[usable], states[usable], forces[usable], jacobians[usable]
     coordinates, laws = conserved_by(flow, epsilon)
-    tolerance = rtol * np.abs(states) + rtol**2 * np.abs(states).max(axis=0)
+    largest = np.abs(states).max(axis=0)
+    sizes = np.where(largest > 0.0, largest, 1.0)
+    tolerance = rtol * np.abs(states) + rtol**2 * largest
     found: list[Modes] = []
     for i, jacobian in enumerate(jacobians):
         show((1 + i / len(jacobians)) / 2)
-        found.append(modes_of(jacobian, coordinates))
+        found.append(modes_of(jacobian, coordinates, sizes))
     rates = np.array([modes.rates for modes in found])
     times = _times(run, rates, len(laws))
     exhausted = [_exhausted(*given) for given in zip(found, times, forces, tolerance)]

@@ -9,9 +9,10 @@ import pytest
 from gsp.scales.modes import Coordinates, Modes, modes_of
 
 
-def modes(matrix) -> Modes:
+def modes(matrix, sizes=None) -> Modes:
     n = len(matrix)
-    return modes_of(np.array(matrix, dtype=float), Coordinates(np.zeros((0, n)), np.arange(n), np.eye(n)))
+    coordinates = Coordinates(np.zeros((0, n)), np.arange(n), np.eye(n))
+    return modes_of(np.array(matrix, dtype=float), coordinates, np.ones(n) if sizes is None else sizes)
 
 
 PLANE = {
@@ -107,12 +108,24 @@ def test_units_of_the_states_change_no_pointer() -> None:
     assert modes(matrix * units[:, None] / units).pointers == pytest.approx(modes(matrix).pointers, abs=1e-12)
 
 
+def test_a_state_that_drives_others_and_is_driven_by_none_may_have_any_unit() -> None:
+    """A clock, or the first of a chain: balancing has nothing to weigh its column against."""
+    for first in (0.0, -0.1):
+        matrix = np.array([[first, 0.0, 0.0], [1.0, -1.0, 0.5], [2.0, 0.5, -100.0]])
+        for unit in (1e-12, 1e12):
+            units = np.array([unit, 1.0, 1.0])
+            found = modes(matrix * units[:, None] / units, units)
+            assert found.groups.tolist() == [0, 1, 2]
+            assert found.pointers == pytest.approx(modes(matrix).pointers, abs=1e-12)
+            assert found.left @ found.right == pytest.approx(np.eye(3), abs=1e-9)
+
+
 def test_what_is_conserved_is_taken_out_first() -> None:
     """A <-> B at 1e12, B -> C -> B at 1e-6: rounding of 1e12 hides a rate of 1e-6 unless A + B + C is taken out."""
     k, slow = 1e12, 1e-6
     matrix = np.array([[-k, k, 0.0], [k, -k - slow, slow], [0.0, slow, -slow]])
     embedding = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    found = modes_of(matrix, Coordinates(np.ones((1, 3)), np.array([1, 2]), embedding))
+    found = modes_of(matrix, Coordinates(np.ones((1, 3)), np.array([1, 2]), embedding), np.ones(3))
     assert found.rates[2] == 0.0
     assert found.groups.tolist() == [0, 1, 2]
     # lambda^2 + (2k + 2 slow) lambda + 3 k slow = 0, whose small root is -3 slow/2 but for slow^2/k.
@@ -125,6 +138,6 @@ def test_what_is_conserved_is_taken_out_first() -> None:
 
 
 def test_all_may_be_conserved() -> None:
-    found = modes_of(np.zeros((2, 2)), Coordinates(np.eye(2), np.arange(0), np.zeros((2, 0))))
+    found = modes_of(np.zeros((2, 2)), Coordinates(np.eye(2), np.arange(0), np.zeros((2, 0))), np.ones(2))
     assert found.rates.tolist() == [0.0, 0.0]
     assert found.pointers == pytest.approx(np.full((2, 2), 0.5))
