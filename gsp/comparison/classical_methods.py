@@ -19,10 +19,12 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.critical.branch import Branch
+from gsp.critical.common_units import common_units
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import CompiledFunction, compile_over
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.slow.slow_track import divide
+from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem
 
 # Fraser-Roussel iterates are differentiated as Chebyshev interpolants. An axis has FIRST points, then more until h_0 is
@@ -98,6 +100,16 @@ def _code(system: SlowFastSystem) -> _Code:
     return _Code(system)
 
 
+def box_around(branch: Branch, x: np.ndarray) -> list[Interval]:
+    """The smallest box that contains the points `x` (m, n_slow), widened where it has no width."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    flat = np.zeros(len(low))
+    if not (high > low).all():
+        units = common_units(branch.system, np.hstack([x, branch.points(x)]))[: len(low)]
+        flat = np.where(high > low, 0.0, 1e-3 * (units + np.abs(low)))
+    return [(float(a), float(b)) for a, b in zip(low - flat, high + flat)]
+
+
 def quasi_steady_state(branch: Branch, x: np.ndarray) -> Points:
     """h_0(x): the fast variables at rest, g(x, y, 0) = 0. In error by O(epsilon)."""
     return Points(branch.points(x), 1.0)
@@ -170,9 +182,7 @@ class FraserRoussel:
         Coefficients below `dropped` roundings a point count as rounding.
         """
         model = Model(branch.system, epsilon)
-        low, high = x.min(axis=0), x.max(axis=0)
-        flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
-        box = np.stack([low - flat, high + flat], axis=1)
+        box = np.array(box_around(branch, x))
         surfaces, resolved = _iterated(branch, model, box, iterates - 1, dropped) if iterates else ([], True)
         return FraserRoussel(branch, epsilon, tuple(surfaces), model.evaluations, resolved)
 
@@ -298,6 +308,7 @@ def _solved(
     """
     slow, epsilon = model.slow, model.epsilon
     y = y.copy()
+    units = common_units(model.system, np.hstack([x, y]))[slow:]
     lost = np.zeros(len(y), dtype=bool)
     for _ in range(80):
         z = np.hstack([x, y])
@@ -312,8 +323,8 @@ def _solved(
         lost |= ~np.isfinite(step).all(axis=1)
         # What is lost stays where it is.
         y = y - np.where(lost[:, None], 0.0, step)
-        size = np.where(lost, np.nan, np.abs(step).max(axis=1) / (1.0 + np.abs(y).max(axis=1)))
-        # A correction this small relative to 1 + |y| ends the iteration.
+        size = np.where(lost, np.nan, np.abs(step / units).max(axis=1) / (1.0 + np.abs(y / units).max(axis=1)))
+        # A correction this small relative to 1 + |y|, in common units, ends the iteration.
         if not (size > 2 * np.finfo(float).eps).any():
             break
     bad = ~(size < 1e-9)

@@ -17,6 +17,7 @@ from gsp.comparison.classical_methods import (
     MOST_NODES,
     FraserRoussel,
     Points,
+    box_around,
     csp,
     ildm,
     quasi_steady_state,
@@ -35,7 +36,6 @@ from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.arguments import shown
 from gsp.systems.flow import as_points, check_epsilons, check_orders
-from gsp.systems.region import Interval
 
 # The share of the region left free at its ends, where the slow manifold is not determined by what is inside.
 MARGIN = 0.05
@@ -332,7 +332,8 @@ def _series(series: SeriesManifold, epsilon: float) -> Evaluator:
 
 def _solved(branch: Branch, x: np.ndarray, epsilon: float) -> _SolvedMethod:
     begun = time.perf_counter()
-    manifold = solve_manifold(branch, region=_box(branch, x), epsilon=epsilon, max_points=MOST_POINTS)
+    region = dict(zip((s.name for s in branch.system.x), box_around(branch, x)))
+    manifold = solve_manifold(branch, region=region, epsilon=epsilon, max_points=MOST_POINTS)
     return _SolvedMethod(manifold, time.perf_counter() - begun)
 
 
@@ -340,13 +341,6 @@ def _iterated(branch: Branch, x: np.ndarray, epsilon: float, iterates: Sequence[
     begun = time.perf_counter()
     found = FraserRoussel.over(branch, x, epsilon=epsilon, iterates=max(iterates, default=0))
     return _Iterated(found, time.perf_counter() - begun, found.noise(x))
-
-
-def _box(branch: Branch, x: np.ndarray) -> dict[str, Interval]:
-    """The smallest box that contains the points, widened where it has no width."""
-    low, high = x.min(axis=0), x.max(axis=0)
-    flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
-    return {s.name: (float(a), float(b)) for s, a, b in zip(branch.system.x, low - flat, high + flat)}
 
 
 def _cost(method: _Method, x: np.ndarray, epsilon: float) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.common_units import common_units
 from gsp.errors import DeclarationError, Status
 from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.slow_points import zero_derivative
@@ -36,11 +37,15 @@ def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
     """
     pointwise = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15)
     start = branch.points(x)
-    segments = _segments(branch, x, start, epsilon)
+    # Segments are solved, and rounding is measured, where the numbers of each state are common ones.
+    units = common_units(branch.system, np.hstack([x, start]))
+    x_units, y_units = np.split(units, [x.shape[1]])
+    segments = _segments(branch.moved_into(units), x / x_units, start / y_units, epsilon)
     along = _Route("orbit segments", np.full_like(start, np.nan), np.inf)
     why = "the points are not on one kind of normally hyperbolic branch"
     if segments is not None:
-        along = _Route("orbit segments", segments.y, SAFETY * float(segments.error.max()))
+        error = SAFETY * float(segments.error.max() * y_units.max())
+        along = _Route("orbit segments", segments.y * y_units, error)
         worst = int(np.argmax(segments.error))
         place = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(branch.system.x, x[worst]))
         why = f"orbit segments fail at {place}: {segments.status[worst].meaning}"
@@ -54,7 +59,7 @@ def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
             f"there is no reference at {branch.system.epsilon} = {epsilon:g}: {why}; {pointwise.message}.",
             "Move the points, shrink the region or take smaller epsilons.",
         )
-    rounding = 4 * float(np.finfo(float).eps) * (1.0 + float(np.abs(best.y).max()))
+    rounding = 4 * float(np.finfo(float).eps) * float((y_units + np.abs(best.y)).max())
     apart = float(np.abs(along.y - principle.y).max())
     return Reference(best.y, max(best.error, rounding), best.name, apart)
 

@@ -417,3 +417,16 @@ def test_the_command_tells_the_reference_and_what_was_cut_short_as_the_table_doe
     attributes = shown["attributes"]
     assert attributes["endings"] == "solved at epsilon = 0.01: stopped at 17 segments"
     assert attributes["omitted"] == "series 4: it is too long"
+
+
+def test_methods_have_their_orders_in_any_unit() -> None:
+    # Numbers may be 1e-12: beside 1 every error would be rounding, and a box around one point huge.
+    fitted = []
+    for unit in (sp.Integer(1), sp.Rational(1, 10**12)):
+        system = SlowFastSystem(slow={x: -x + y}, fast={y: x - (1 + x / unit) * y}, epsilon=epsilon)
+        size = float(unit)
+        scene = Scene(system, {"x": (0.1 * size, 3 * size)}, {"x": size, "y": 0}, (0, 1), 0.01, (0.02, 0.01))
+        table = method_table(scene, points=[[0.5 * size]], iterates=(2,), refinements=(2,), orders=(2,))
+        assert max(table.floor) < 1e-13 * size
+        fitted.append([row.fitted for row in table.rows if row.expected])
+    assert fitted[1] == pytest.approx(fitted[0], abs=0.02)
