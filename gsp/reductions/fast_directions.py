@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -12,6 +13,7 @@ import sympy as sp
 
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.reductions.fast_parts import FastPart
+from gsp.scales.conservation import conserved_by
 from gsp.systems.system import VectorField
 
 
@@ -20,11 +22,14 @@ def fast_directions(field: VectorField, place: np.ndarray, count: int, gap: floa
 
     N are the fast directions, reduced to rows of the unit matrix, and f the components of the field along them; none
     where the fast rates do not decay, or variables are fast by themselves. A slow manifold has such directions to the
-    inverse of the `gap` between the rates only, so that the simplest numbers that near are taken.
+    inverse of the `gap` between the rates only, so that the simplest numbers that near are taken. What is conserved is
+    so along them exactly.
     """
-    n = len(field.states)
+    coordinates, laws = conserved_by(field)
+    free = coordinates.free
     matrix = compile_flow(field).jacobians(place[None, :], parameter_vector(field, None))[0]
-    if not np.isfinite(matrix).all() or not 0 < count < n:
+    matrix = matrix[free] @ coordinates.embedding
+    if not np.isfinite(matrix).all() or not 0 < count < len(free):
         return []
     # Units in which what moves along a fast mode is alike: a velocity changes by as many lengths as its rate is large.
     answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
@@ -38,19 +43,32 @@ def fast_directions(field: VectorField, place: np.ndarray, count: int, gap: floa
     left = _subspace(matrix.T, limit, count)
     if right is None or left is None:
         return []
-    exact = _simplest(right, sizes, gap)
+    own = _simplest(right, sizes, gap)
+    exact = _embedding(field, free, laws) * own
     if all(np.count_nonzero(column) == 1 for column in np.array(exact).T):
         return []
     rows = _simplest(left, 1.0 / sizes, gap).T
-    inner = rows * exact
+    inner = rows * own
     if inner.det() == 0:
         return []
-    components = (inner.inv() * rows) * sp.Matrix(list(field.rates))
+    components = (inner.inv() * rows) * sp.Matrix([field.rates[i] for i in free])
     directions = tuple(
         {s: exact[i, k] for i, s in enumerate(field.states) if exact[i, k] != 0} for k in range(count)
     )
     told = ", ".join(str(sp.Add(*(number * s for s, number in d.items()))) for d in directions)
     return [FastPart(f"quasi-steady state along {told}", directions, tuple(components))]
+
+
+def _embedding(field: VectorField, free: np.ndarray, laws: Sequence[sp.Expr]) -> sp.Matrix:
+    """How all states move with those that are `free`: each law gives the first of its own."""
+    states = field.states
+    bound = [i for i in range(len(states)) if i not in free]
+    held = dict(zip(bound, laws))
+    return sp.Matrix(
+        len(states),
+        len(free),
+        lambda i, k: -held[i].coeff(states[free[k]]) if i in held else sp.Integer(int(free[k] == i)),
+    )
 
 
 def _subspace(matrix: np.ndarray, limit: float, count: int) -> np.ndarray | None:

@@ -126,3 +126,17 @@ def test_a_gap_is_that_over_half_of_the_span_and_not_of_the_steps() -> None:
     found = find_reductions(gsp.Scene(field, region, start, (0, 5), tolerance=1e-3))
     assert found.recommended is not None
     assert found.recommended.name == "quasi-steady state along i, -2*q/3 + w, -2*ph/3 + th"
+
+
+def test_what_is_conserved_is_so_along_the_directions() -> None:
+    """Beside the substrate the enzyme is little: to the gap alone it stayed free while the complex formed."""
+    S, E, C, P = states = sp.symbols("S E C P")
+    binding = 10 * S * E - 5 * C
+    field = VectorField({S: -binding, E: 10 * C - binding, C: binding - 10 * C, P: 10 * C})
+    (part,) = fast_directions(field, np.array([1e-6, 0.01, 1e-8, 1.0]), 1, 200.0)
+    (direction,) = part.directions
+    moved = [direction.get(s, 0) for s in states]
+    assert moved[1] + moved[2] == 0
+    assert moved[0] + moved[2] + moved[3] == 0
+    # S is replaced by C at the share 5/15 and P made at 10/15, to the gap.
+    assert [float(m / direction[C]) for m in moved] == pytest.approx([-1 / 3, -1, 1, -2 / 3], abs=0.01)
