@@ -117,15 +117,17 @@ class Prediction:
 
     @cached_property
     def scale(self) -> dict[str, float]:
-        """Largest |value| of each quantity along the run of the lowest order.
+        """Largest |value| of each quantity along the run of the lowest order along which it is not 0.
 
-        Where that is 0 to within the runs' own error it is the largest in the region, and 1 where that is 0 too.
+        Where it is 0 to within the runs' own errors along all of them it is the largest in the region, and 1 where that
+        is 0 too.
         """
-        run, sizes, scale = self.runs[min(self.runs)], state_sizes(self.region), {}
+        sizes, scale = state_sizes(self.region), {}
         for name in self.names:
-            size = max(float(np.abs(run[name]).max()), self.least_scale.get(name, 0.0))
-            whole = sizes.get(name, size or 1.0)
-            scale[name] = size if size > self.rtol * whole else whole
+            least = self.least_scale.get(name, 0.0)
+            found = [max(float(np.abs(self.runs[k][name]).max()), least) for k in sorted(self.runs)]
+            whole = sizes.get(name, found[0] or 1.0)
+            scale[name] = next((size for size in found if size > self.rtol * whole), whole)
         return scale
 
     def errors(self, order: int, times: np.ndarray) -> np.ndarray:

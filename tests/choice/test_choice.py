@@ -332,6 +332,18 @@ def test_errors_are_relative_whatever_the_units_and_the_clock() -> None:
     assert errors[1][1] == pytest.approx(errors[0][1], rel=0.2)
 
 
+def test_what_the_correction_alone_moves_is_measured_by_that_motion() -> None:
+    """z = epsilon (exp(-t) - 1) + O(epsilon^2): at order 0 it is 0 for ever, and wrong by all of it."""
+    z = sp.Symbol("z")
+    system = SlowFastSystem(slow={x: -x, z: y - x}, fast={y: x - y}, epsilon=eps)
+    region = {"x": (0.01, 2), "z": (-1, 1)}
+    scene = Scene(system, region, {"x": 1, "y": 1, "z": 0}, (0, 2), 0.01, tolerance=0.05)
+    first, second, _ = choose(scene, orders=(0, 1), solve=False).candidates
+    assert not first.valid
+    assert first.predicted == pytest.approx(1.0, abs=0.05)
+    assert second.valid
+
+
 def test_what_is_left_of_the_layer_is_known_to_the_order_before_the_last_of_the_inner_expansion() -> None:
     # The fast eigenvector carries exactly what is left; its amplitude in x is of order epsilon.
     off = []
