@@ -34,9 +34,13 @@ ROUNDING = 4 * np.finfo(float).eps
 
 @dataclass(frozen=True)
 class RunErrors:
-    """At one epsilon: the error and status of each order's run, the claims' errors, the reference's own error."""
+    """At one epsilon: the errors by name and the status of each order's run, the claims' errors, the reference's own.
 
-    errors: Mapping[int, float]
+    `errors` are absolute, `sizes` the largest values of the reference, `claimed` and `floor` relative to them.
+    """
+
+    errors: Mapping[int, Mapping[str, float]]
+    sizes: Mapping[str, float]
     statuses: Mapping[int, Status]
     claimed: Mapping[str, float]
     floor: float
@@ -68,7 +72,8 @@ class ComparedRuns:
             for _ in self.flows:
                 ran()
             return RunErrors(
-                dict.fromkeys(self.flows, nothing),
+                dict.fromkeys(self.flows, dict.fromkeys(slow, nothing)),
+                dict.fromkeys(slow, 0.0),
                 dict.fromkeys(self.flows, Status.SERIES_ENDS),
                 dict.fromkeys(self.rivals, nothing),
                 ROUNDING,
@@ -86,7 +91,8 @@ class ComparedRuns:
             run = run_on(rival, there, scene, epsilon, grid, begin=float(grid[0]))
             claimed[name] = largest_error(run, reference, names)
         return RunErrors(
-            {n: largest_error(run, reference, slow) for n, run in runs.items()},
+            {n: _errors(run, reference, slow) for n, run in runs.items()},
+            {name: float(np.abs(reference[name]).max(initial=0.0)) for name in slow},
             {n: reference.status if run.status.ok else run.status for n, run in runs.items()},
             claimed,
             max(largest_error(check, reference, slow) / CHECK, ROUNDING),
@@ -165,6 +171,13 @@ def run_on(
         at=grid,
         options=RunOptions(stops_at_times=True, max_steps=100_000),
     )
+
+
+def _errors(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> dict[str, float]:
+    """Largest |difference| of each quantity over the grid."""
+    if not (run.status.ok and reference.status.ok):
+        return dict.fromkeys(names, float("nan"))
+    return {name: float(np.abs(run[name] - reference[name]).max()) for name in names}
 
 
 def largest_error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:

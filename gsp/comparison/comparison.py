@@ -34,11 +34,12 @@ class Comparison(Drawn, Tabular):
     """Errors of the reduced flows, measured.
 
     `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable
-    relative to its largest value; `slopes[N]` is the fitted power of epsilon, nan when every error is at rounding
-    (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start corrected through
-    epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for rival reduced fields
-    of the scene in `claims` and `claim_slopes`. `ending` says why the highest orders asked for are left out, where the
-    exact algebra did not reach them. `begins` says where both runs begin, where that is not over the slow start.
+    relative to its largest value at any of `epsilons`; `slopes[N]` is the fitted power of epsilon, nan when every
+    error is at rounding (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start
+    corrected through epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for
+    rival reduced fields of the scene in `claims` and `claim_slopes`. `ending` says why the highest orders asked for
+    are left out, where the exact algebra did not reach them. `begins` says where both runs begin, where that is not
+    over the slow start.
     """
 
     scene: Scene
@@ -187,7 +188,12 @@ def compare(
 
     def measured(origin: Mapping[str, float], begins: str = "") -> Comparison:
         rows = [runs.at(epsilon, origin, advance) for epsilon in ladder]
-        errors = {n: tuple(row.errors[n] for row in rows) for n in flows}
+        # The sizes of the whole ladder: what a correction alone moves is itself of the size of epsilon.
+        sizes = {name: max(row.sizes[name] for row in rows) or 1.0 for name in slow}
+        errors = {
+            n: tuple(max(row.errors[n][name] / size for name, size in sizes.items()) for row in rows)
+            for n in flows
+        }
         claimed = {name: tuple(row.claimed[name] for row in rows) for name in rivals}
         highest = max(reached_orders)
         floor = with_rounding(ladder, errors[highest], [row.floor for row in rows], power=expected[highest])

@@ -77,6 +77,15 @@ def test_a_slope_ignores_errors_at_the_floor() -> None:
     assert np.isnan(slope(epsilons, [1e-15] * 4, [1e-15] * 4))
 
 
+def test_what_a_correction_alone_moves_has_the_orders_of_the_theorem() -> None:
+    """z is of the size of epsilon: beside itself at each epsilon its error had one power less."""
+    x, y, z, epsilon = sp.symbols("x y z epsilon")
+    system = SlowFastSystem(slow={x: -x, z: y - x}, fast={y: x - y}, epsilon=epsilon)
+    scene = Scene(system, {"x": (0.01, 2), "z": (-1, 1)}, {"x": 1, "y": 1, "z": 0}, (0, 2), 0.01)
+    found = compare(scene, orders=(0, 1))
+    assert found.slopes == pytest.approx(found.expected, abs=0.1)
+
+
 def test_progress_reaches_one() -> None:
     seen: list[float] = []
     compare(models.load("linear"), orders=(0,), progress=seen.append)
