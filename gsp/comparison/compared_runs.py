@@ -36,11 +36,13 @@ ROUNDING = 4 * np.finfo(float).eps
 class RunErrors:
     """At one epsilon: the errors by name and the status of each order's run, the claims' errors, the reference's own.
 
-    `errors` are absolute, `sizes` the largest values of the reference, `claimed` and `floor` relative to them.
+    `errors` are absolute, `sizes` the largest values of the reference, `claimed` and `floor` relative to them. `moved`
+    are the quantities that the lowest order moves.
     """
 
     errors: Mapping[int, Mapping[str, float]]
     sizes: Mapping[str, float]
+    moved: Sequence[str]
     statuses: Mapping[int, Status]
     claimed: Mapping[str, float]
     floor: float
@@ -74,6 +76,7 @@ class ComparedRuns:
             return RunErrors(
                 dict.fromkeys(self.flows, dict.fromkeys(slow, nothing)),
                 dict.fromkeys(slow, 0.0),
+                slow,
                 dict.fromkeys(self.flows, Status.SERIES_ENDS),
                 dict.fromkeys(self.rivals, nothing),
                 ROUNDING,
@@ -90,9 +93,12 @@ class ComparedRuns:
             there = {z: float(reference[z][0]) for z in names}
             run = run_on(rival, there, scene, epsilon, grid, begin=float(grid[0]))
             claimed[name] = largest_error(run, reference, names)
+        sizes = {name: float(np.abs(reference[name]).max(initial=0.0)) for name in slow}
+        lowest, nothing = runs[min(runs)], np.sqrt(np.finfo(float).eps)
         return RunErrors(
             {n: _errors(run, reference, slow) for n, run in runs.items()},
-            {name: float(np.abs(reference[name]).max(initial=0.0)) for name in slow},
+            sizes,
+            [name for name in slow if np.abs(lowest[name]).max(initial=0.0) > nothing * sizes[name]],
             {n: reference.status if run.status.ok else run.status for n, run in runs.items()},
             claimed,
             max(largest_error(check, reference, slow) / CHECK, ROUNDING),

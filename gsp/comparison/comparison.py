@@ -34,12 +34,12 @@ class Comparison(Drawn, Tabular):
     """Errors of the reduced flows, measured.
 
     `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable
-    relative to its largest value at any of `epsilons`; `slopes[N]` is the fitted power of epsilon, nan when every
-    error is at rounding (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start
-    corrected through epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for
-    rival reduced fields of the scene in `claims` and `claim_slopes`. `ending` says why the highest orders asked for
-    are left out, where the exact algebra did not reach them. `begins` says where both runs begin, where that is not
-    over the slow start.
+    relative to its largest value there, or at any of `epsilons` if the lowest order does not move it; `slopes[N]` is
+    the fitted power of epsilon, nan when every error is at rounding (the reduction is exact there); `expected[N]` is
+    N + 1, or min(N, k) + 1 with the start corrected through epsilon^k, k = `correction`. `floor[i]` estimates the
+    reference's own error. The same for rival reduced fields of the scene in `claims` and `claim_slopes`. `ending` says
+    why the highest orders asked for are left out, where the exact algebra did not reach them. `begins` says where both
+    runs begin, where that is not over the slow start.
     """
 
     scene: Scene
@@ -188,10 +188,14 @@ def compare(
 
     def measured(origin: Mapping[str, float], begins: str = "") -> Comparison:
         rows = [runs.at(epsilon, origin, advance) for epsilon in ladder]
-        # The sizes of the whole ladder: what a correction alone moves is itself of the size of epsilon.
-        sizes = {name: max(row.sizes[name] for row in rows) or 1.0 for name in slow}
+        # What a correction alone moves is itself of the size of epsilon, which would take a power off its error.
+        most = {name: max(row.sizes[name] for row in rows) for name in slow}
+        sizes = [{name: row.sizes[name] if name in row.moved else most[name] for name in slow} for row in rows]
         errors = {
-            n: tuple(max(row.errors[n][name] / size for name, size in sizes.items()) for row in rows)
+            n: tuple(
+                max(row.errors[n][name] / (size[name] or 1.0) for name in slow)
+                for row, size in zip(rows, sizes)
+            )
             for n in flows
         }
         claimed = {name: tuple(row.claimed[name] for row in rows) for name in rivals}
