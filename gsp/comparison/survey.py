@@ -332,7 +332,7 @@ def demands_of(
                     span=span,
                     epsilon=float(epsilon),
                     rtol=tolerance,
-                    atol=1e-2 * tolerance,
+                    atol=absolute_tolerance(tolerance, study.region, start),
                     options=RunOptions(method=method, max_steps=MAX_STEPS),
                 )
                 calls.append(run.stats.field_calls if run.status.ok else np.inf)

@@ -86,6 +86,16 @@ def test_demands_move_with_the_power_of_epsilon(van_der_pol):
 
 
 @pytest.mark.exhaustive
+def test_explicit_steps_are_held_back_alike_in_any_unit():
+    # Beside 1 the tolerance of states of 1e-9 was none, and explicit steps cost a sixteenth.
+    found = []
+    for unit in (1, 10**9):
+        given = scene(-x, x + unit**2 * x**3 - y, {"x": 1 / unit, "y": 2 / unit}, {"x": (0.5 / unit, 2 / unit)})
+        found.append(failure_map(given, orders=(0,)).demands[EXPLICIT].measure)
+    assert found[1] == pytest.approx(found[0], rel=0.2)
+
+
+@pytest.mark.exhaustive
 def test_a_linear_fast_equation_never_fails():
     found = failure_map(scene(-x, x - y, {"x": 1, "y": 1}, {"x": (0.5, 2)}), orders=(0, 1, 2))
     for name in (NEWTON, MANIFOLD, IMPLICIT):
