@@ -792,6 +792,12 @@ def test_a_real_loss_during_the_delay_of_a_pair_ends_it(rate: sp.Expr, kind: Los
     assert passage_of({z: rate - rate.coeff(eps) * eps, **PAIR}).point["y"] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("fastest", [1, 10**5, 10**8])
+def test_a_loss_keeps_its_name_beside_directions_that_contract_much_faster(fastest: int) -> None:
+    assert passage_of({**PAIR, z: -fastest * z}).loss.kind is LossKind.HOPF
+    assert passage_of({z: y * z - z**3 + eps, x: -fastest * x, w: -w}).loss.kind is LossKind.PITCHFORK
+
+
 def test_losses_that_are_met_together_decide_nothing_but_on_an_invariant_branch() -> None:
     for fast in ({z: y * z - z**3 + eps, **PAIR}, {**PAIR, z: y * z - z**3 + eps}):
         with pytest.raises(PassageError, match="several eigenvalues rise through 0 together near y = 0"):

@@ -26,6 +26,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.laurent import laurent
+from gsp.critical.continuation.special_points import eigenvalue_sizes, sizes_beside
 from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.normal_forms import bordered
@@ -116,11 +117,11 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool,
     rounding = 1e-14 * sizes
     point = {s.name: 0.0 if abs(v) < r else float(v) for s, v, r in zip(system.states, z, rounding)}
     values = orbit.eigenvalues(z[None, :])[0]
-    size = float(np.abs(values).max())
+    beside = sizes_beside(eigenvalue_sizes(orbit.eigenvalues(path)), values)
     leading = complex(values[which])
-    is_pair = abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9 * orbit.rate
+    is_pair = abs(leading.imag) > 1e-6 * beside[which] and abs(leading.imag) > 1e-9 * orbit.rate
     # As `classify` takes an eigenvalue to be on the axis.
-    together = int((np.abs(values.real) <= ZERO_SINGULAR * size).sum()) > (2 if is_pair else 1)
+    together = int((np.abs(values.real) <= ZERO_SINGULAR * beside).sum()) > (2 if is_pair else 1)
     if is_pair and not together:
         found: list[TurningPoint] = []
         if not invariant:
