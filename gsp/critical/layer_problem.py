@@ -257,7 +257,9 @@ def _balanced(block: np.ndarray) -> np.ndarray:
 
     if len(block) < 2:
         return np.ones(len(block))
-    sizes = matrix_balance(block, permute=False, separate=True)[1][0]
+    with np.errstate(invalid="ignore"):
+        # SciPy reads large sizes as if they were rows, too, and leaves what it read.
+        sizes = matrix_balance(block, permute=False, separate=True)[1][0]
     return sizes / np.exp(np.log(sizes).mean())
 
 

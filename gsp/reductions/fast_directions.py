@@ -32,7 +32,9 @@ def fast_directions(field: VectorField, place: np.ndarray, count: int, gap: floa
     if not np.isfinite(matrix).all() or not 0 < count < len(free):
         return []
     # Units in which what moves along a fast mode is alike: a velocity changes by as many lengths as its rate is large.
-    answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+    with np.errstate(invalid="ignore"):
+        # SciPy reads large units as if they were rows, too, and leaves what it read.
+        answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
     matrix, (sizes, _) = answer
     rates = np.linalg.eigvals(matrix)
     rates = rates[np.argsort(-np.abs(rates))]

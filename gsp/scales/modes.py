@@ -97,7 +97,9 @@ def _modes(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.n
     if not len(matrix):
         return np.zeros(0, complex), np.zeros(0, int), matrix, matrix
     # Units of the states are taken out: they would decide what is rounding.
-    balanced, units = matrix_balance(matrix)
+    with np.errstate(invalid="ignore"):
+        # SciPy reads large units as if they were rows, too, and leaves what it read.
+        balanced, units = matrix_balance(matrix)
     form, basis = (np.asfortranarray(part) for part in schur(balanced, output="real"))
     form, basis = _ordered(form, basis)
     sizes = _sizes(form)

@@ -174,7 +174,9 @@ def _balanced(entries: np.ndarray, blocks: Blocks) -> np.ndarray:
     usual = np.median(np.abs(finite), axis=0)
     for (states, *_), matrices in zip(blocks.parts, blocks.matrices(usual)):
         for own, matrix in zip(states, matrices):
-            answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+            with np.errstate(invalid="ignore"):
+                # SciPy reads large units as if they were rows, too, and leaves what it read.
+                answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
             units[own] = answer[1][0]
     return units
 

@@ -141,3 +141,9 @@ def test_all_may_be_conserved() -> None:
     found = modes_of(np.zeros((2, 2)), Coordinates(np.eye(2), np.arange(0), np.zeros((2, 0))), np.ones(2))
     assert found.rates.tolist() == [0.0, 0.0]
     assert found.pointers == pytest.approx(np.full((2, 2), 0.5))
+
+
+def test_sizes_of_states_may_be_further_apart_than_whole_numbers_reach() -> None:
+    # SciPy's balancing warned of units beyond 1e19, which it takes for numbers of rows.
+    found = modes([[-1.0, 1e-300], [1e300, -3.0]])
+    assert sorted(found.rates.real) == pytest.approx([-2 - 2**0.5, -2 + 2**0.5])
