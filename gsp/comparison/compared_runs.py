@@ -93,7 +93,7 @@ class ComparedRuns:
             there = {z: float(reference[z][0]) for z in names}
             run = run_on(rival, there, scene, epsilon, grid, begin=float(grid[0]))
             claimed[name] = largest_error(run, reference, names)
-        sizes = {name: float(np.abs(reference[name]).max(initial=0.0)) for name in slow}
+        sizes = _sizes(reference, slow)
         lowest, nothing = runs[min(runs)], np.sqrt(np.finfo(float).eps)
         return RunErrors(
             {n: _errors(run, reference, slow) for n, run in runs.items()},
@@ -179,6 +179,16 @@ def run_on(
     )
 
 
+def _sizes(run: Trajectory, names: Sequence[str]) -> dict[str, float]:
+    """Largest |value| of each quantity over the grid."""
+    return {name: float(np.abs(run[name]).max(initial=0.0)) for name in names}
+
+
+def relative(errors: Mapping[str, float], sizes: Mapping[str, float]) -> float:
+    """The largest of the errors by name, each relative to its size; a size of 0 counts as 1."""
+    return max((error / (sizes[name] or 1.0) for name, error in errors.items()), default=0.0)
+
+
 def _errors(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> dict[str, float]:
     """Largest |difference| of each quantity over the grid."""
     if not (run.status.ok and reference.status.ok):
@@ -188,11 +198,4 @@ def _errors(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> dic
 
 def largest_error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:
     """Largest |difference| over the grid and the quantities `names`, each relative to its largest value."""
-    if not (run.status.ok and reference.status.ok):
-        return float("nan")
-    worst = 0.0
-    for name in names:
-        expected = reference[name]
-        size = np.abs(expected).max() or 1.0
-        worst = max(worst, float(np.abs(run[name] - expected).max() / size))
-    return worst
+    return relative(_errors(run, reference, names), _sizes(reference, names))

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gsp.comparison.compared_runs import RTOL, ComparedRuns, sense
+from gsp.comparison.compared_runs import RTOL, ComparedRuns, relative, sense
 from gsp.errors import DeclarationError, GspError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.nested.nesting import Nesting
@@ -191,13 +191,7 @@ def compare(
         # What a correction alone moves is itself of the size of epsilon, which would take a power off its error.
         most = {name: max(row.sizes[name] for row in rows) for name in slow}
         sizes = [{name: row.sizes[name] if name in row.moved else most[name] for name in slow} for row in rows]
-        errors = {
-            n: tuple(
-                max(row.errors[n][name] / (size[name] or 1.0) for name in slow)
-                for row, size in zip(rows, sizes)
-            )
-            for n in flows
-        }
+        errors = {n: tuple(relative(row.errors[n], size) for row, size in zip(rows, sizes)) for n in flows}
         claimed = {name: tuple(row.claimed[name] for row in rows) for name in rivals}
         highest = max(reached_orders)
         floor = with_rounding(ladder, errors[highest], [row.floor for row in rows], power=expected[highest])

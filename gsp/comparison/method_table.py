@@ -54,8 +54,7 @@ class MethodRow:
 
     `order` is its order parameter (refinements, iterates, m, n), None where it has none. `expected` is what a theorem
     promises in general; `fitted` is nan where the errors are at rounding, or at what interpolation of iterates leaves.
-    `microseconds` per point after
-    a preparation of `preparation` seconds; `evaluations` of the model per point.
+    A point takes `microseconds` after a preparation of `preparation` seconds, and `evaluations` of the model.
     """
 
     method: str

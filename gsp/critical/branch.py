@@ -165,13 +165,7 @@ class Branch(Portable, Card):
         x_units, y_units = np.split(units, [len(system.x)])
         return replace(
             self,
-            system=SlowFastSystem(
-                slow=in_units(system.slow, sizes),
-                fast=in_units(system.fast, sizes),
-                epsilon=system.epsilon,
-                parameters=system.parameters,
-                name=system.name,
-            ),
+            system=system.moved_into(units),
             # Their zeros are the same, whatever they are divided by.
             equations=tuple(in_units(dict(zip(system.y, self.equations)), sizes).values()),
             graph=None if self.graph is None else in_units(self.graph, sizes),

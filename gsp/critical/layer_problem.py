@@ -23,7 +23,7 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Point, check_given, in_words, values_by_name
-from gsp.systems.region import Interval, check_interval
+from gsp.systems.region import Interval, balancing_units, check_interval
 from gsp.systems.system import SlowFastSystem
 
 Bounds = Mapping[str, Interval] | Mapping[sp.Symbol, Interval]
@@ -253,13 +253,9 @@ def natural_scales(
 
 def _balanced(block: np.ndarray) -> np.ndarray:
     """Sizes (k,) of variables with which the rows of a block (k, k) of |g_y| weigh alike: 1 in the geometric mean."""
-    from scipy.linalg import matrix_balance
-
     if len(block) < 2:
         return np.ones(len(block))
-    with np.errstate(invalid="ignore"):
-        # SciPy reads large sizes as if they were rows, too, and leaves what it read.
-        sizes = matrix_balance(block, permute=False, separate=True)[1][0]
+    sizes = balancing_units(block)
     return sizes / np.exp(np.log(sizes).mean())
 
 
@@ -267,6 +263,21 @@ def _least(total: np.ndarray, weights: np.ndarray) -> float:
     """The least share of `total` (n,) in `weights` (n,); infinite where there is none."""
     rows = (weights > 0.0) & (total > 0.0)
     return float((total[rows] / weights[rows]).min()) if rows.any() else float("inf")
+
+
+def eigenvalue_sizes(eigenvalues: np.ndarray) -> np.ndarray:
+    """Of the k-th smallest of eigenvalues (m, n) in modulus the largest, (n,), no less than rounding of them all."""
+    values = np.sort(np.abs(eigenvalues), axis=1)
+    sizes = np.max(np.where(np.isfinite(values), values, 0.0), axis=0, initial=0.0)
+    return np.maximum(sizes, np.sqrt(np.finfo(float).eps) * sizes.max(initial=0.0))
+
+
+def sizes_beside(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Those of `sizes` (n,) that belong to eigenvalues (n,) at one place: what they count as 0 beside.
+
+    Beside the largest of all, -1 were a zero where another direction contracts at a million times that rate.
+    """
+    return sizes[np.argsort(np.argsort(np.abs(values), kind="stable"), kind="stable")]
 
 
 def least_norm_newton(equations, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray | None:

@@ -20,6 +20,11 @@ ZERO_TERM = 1e-6
 Trilinear = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
+def settled(value: float, terms: float, *, zero: float = ZERO_TERM) -> float:
+    """The value, 0 where it is below the share `zero` of the terms that it is made of."""
+    return value if abs(value) > zero * terms else 0.0
+
+
 def null_vectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Singular vectors (r, l) of A for its least singular value, of unit length; r's largest component is positive."""
     left, _, rows = np.linalg.svd(A)
@@ -70,7 +75,7 @@ def first_lyapunov(
     value = float(np.vdot(p, total).real)
     size, bent = np.abs(q), 2.0 * np.abs(steady) + np.abs(double)
     terms = np.abs(p) @ (abs(C)(size, size, size) + quadratic(size, bent, np.abs(B)))
-    return value / (2.0 * omega) if abs(value) > ZERO_TERM * terms else 0.0, q, p
+    return settled(value, terms) / (2.0 * omega), q, p
 
 
 def bogdanov_takens(A: np.ndarray, B: np.ndarray) -> tuple[float, float]:

@@ -14,6 +14,7 @@ import sympy as sp
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.reductions.fast_parts import FastPart
 from gsp.scales.conservation import conserved_by
+from gsp.systems.region import balancing_units
 from gsp.systems.system import VectorField
 
 
@@ -32,10 +33,8 @@ def fast_directions(field: VectorField, place: np.ndarray, count: int, gap: floa
     if not np.isfinite(matrix).all() or not 0 < count < len(free):
         return []
     # Units in which what moves along a fast mode is alike: a velocity changes by as many lengths as its rate is large.
-    with np.errstate(invalid="ignore"):
-        # SciPy reads large units as if they were rows, too, and leaves what it read.
-        answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
-    matrix, (sizes, _) = answer
+    sizes = balancing_units(matrix)
+    matrix = matrix * sizes / sizes[:, None]
     rates = np.linalg.eigvals(matrix)
     rates = rates[np.argsort(-np.abs(rates))]
     if not (rates.real[:count] < 0.0).all():

@@ -6,10 +6,8 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import scipy.linalg
 import sympy as sp
 
 from gsp.algebra.elimination_over_rationals import at_point, connected_parts
@@ -17,6 +15,7 @@ from gsp.errors import DegenerateError, SplittingError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.splitting.fast_part import jacobian, shown
+from gsp.systems.region import balancing_units
 from gsp.systems.system import VectorField
 
 # Random starts and tolerances in the search for equilibria of the layer problem.
@@ -174,10 +173,7 @@ def _balanced(entries: np.ndarray, blocks: Blocks) -> np.ndarray:
     usual = np.median(np.abs(finite), axis=0)
     for (states, *_), matrices in zip(blocks.parts, blocks.matrices(usual)):
         for own, matrix in zip(states, matrices):
-            with np.errstate(invalid="ignore"):
-                # SciPy reads large units as if they were rows, too, and leaves what it read.
-                answer: Any = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
-            units[own] = answer[1][0]
+            units[own] = balancing_units(matrix)
     return units
 
 

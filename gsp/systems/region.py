@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -58,6 +59,16 @@ def state_sizes(region: Mapping[str, Interval], *points: Mapping[str, float]) ->
 def powers_of_two(sizes: Sequence[float] | np.ndarray) -> np.ndarray:
     """The power of two next to each of the positive `sizes` (n,): units that leave every digit as it is."""
     return np.exp2(np.round(np.log2(sizes)))
+
+
+def balancing_units(matrix: np.ndarray) -> np.ndarray:
+    """Units of the variables (n,), powers of two, in which rows and columns of a matrix (n, n) are alike in size."""
+    from scipy.linalg import matrix_balance
+
+    with np.errstate(invalid="ignore"):
+        # SciPy reads large units as numbers of rows, too, and leaves what it read.
+        answer: Any = matrix_balance(matrix, permute=False, separate=True)
+    return answer[1][0]
 
 
 def in_units(of: Mapping[sp.Symbol, sp.Expr], units: Mapping[sp.Symbol, float]) -> dict[sp.Symbol, sp.Expr]:

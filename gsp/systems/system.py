@@ -12,6 +12,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
+import numpy as np
 import sympy as sp
 
 from gsp.algebra.laurent import pole_order
@@ -20,6 +21,7 @@ from gsp.results.card import Card
 from gsp.systems.arguments import check_text
 from gsp.systems.declaration import checked_parameters, equations_of, updated_parameters
 from gsp.systems.flow import Flow, Values
+from gsp.systems.region import in_units
 
 
 class _Declared(Flow):
@@ -137,6 +139,17 @@ class SlowFastSystem(_Declared, Card):
         _freeze(self, slow=slow, fast=fast, parameters=parameters, observables=observables)
         object.__setattr__(self, "states", (*slow, *fast))
         object.__setattr__(self, "rates", (*slow.values(), *(g / self.epsilon for g in fast.values())))
+
+    def moved_into(self, units: np.ndarray) -> SlowFastSystem:
+        """The same without observables, its states in `units` (n,)."""
+        sizes = dict(zip(self.states, units))
+        return SlowFastSystem(
+            slow=in_units(self.slow, sizes),
+            fast=in_units(self.fast, sizes),
+            epsilon=self.epsilon,
+            parameters=self.parameters,
+            name=self.name,
+        )
 
     @property
     def x(self) -> tuple[sp.Symbol, ...]:

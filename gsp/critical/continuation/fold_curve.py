@@ -19,7 +19,6 @@ from gsp.critical.continuation.location import inserted, place_between, sign_cha
 from gsp.critical.continuation.special_points import (
     SpecialPoint,
     curvature,
-    eigenvalue_sizes,
     fold_coefficient,
     fold_point,
     fold_vectors,
@@ -30,6 +29,7 @@ from gsp.critical.layer_problem import (
     LayerProblem,
     check_bounds,
     corrected_start,
+    eigenvalue_sizes,
     find_symbol,
     layer_problem,
     least_norm_newton,

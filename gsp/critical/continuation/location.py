@@ -18,14 +18,13 @@ from gsp.critical.continuation.special_points import (
     SpecialPoint,
     branch_point,
     curvature,
-    eigenvalue_sizes,
     fold_coefficient,
     fold_point,
     pair_point,
     pair_test,
     polished,
 )
-from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.layer_problem import LayerProblem, eigenvalue_sizes
 from gsp.critical.minimally_augmented import bialternate, identity, singular_near
 
 # A test function below this is zero by rounding and has no sign.

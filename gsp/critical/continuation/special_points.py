@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.critical.continuation.arclength import PointTracer
-from gsp.critical.layer_problem import LayerProblem, least_norm_newton
+from gsp.critical.layer_problem import LayerProblem, least_norm_newton, sizes_beside
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.minimally_augmented import MatrixMap, Singular, singular_near
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
@@ -109,21 +109,6 @@ def most_opposite(eigenvalues: np.ndarray) -> tuple[complex, complex]:
     i, j = np.triu_indices(len(eigenvalues), 1)
     closest = int(np.argmin(np.abs(eigenvalues[i] + eigenvalues[j])))
     return complex(eigenvalues[i[closest]]), complex(eigenvalues[j[closest]])
-
-
-def eigenvalue_sizes(eigenvalues: np.ndarray) -> np.ndarray:
-    """Of the k-th smallest of eigenvalues (m, n) in modulus the largest, (n,), no less than rounding of them all."""
-    values = np.sort(np.abs(eigenvalues), axis=1)
-    sizes = np.max(np.where(np.isfinite(values), values, 0.0), axis=0, initial=0.0)
-    return np.maximum(sizes, np.sqrt(np.finfo(float).eps) * sizes.max(initial=0.0))
-
-
-def sizes_beside(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Those of `sizes` (n,) that belong to eigenvalues (n,) at one place: what they count as 0 beside.
-
-    Beside the largest of all, -1 were a zero where another direction contracts at a million times that rate.
-    """
-    return sizes[np.argsort(np.argsort(np.abs(values), kind="stable"), kind="stable")]
 
 
 def polished(tracer: PointTracer, problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> np.ndarray:

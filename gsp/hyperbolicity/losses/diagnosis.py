@@ -15,8 +15,7 @@ import numpy as np
 
 from gsp.algebra.differentiation import entries
 from gsp.algebra.laurent import laurent
-from gsp.critical.continuation.special_points import eigenvalue_sizes, sizes_beside
-from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.layer_problem import LayerProblem, eigenvalue_sizes, sizes_beside
 from gsp.critical.loss_kind import LossKind
 from gsp.critical.multilinear_form import MultilinearForm
 from gsp.critical.sampling import Sampler
@@ -93,6 +92,10 @@ class Diagnosis:
     def sizes_beside(self, values: np.ndarray) -> np.ndarray:
         """What eigenvalues (n_fast,) at one place count as 0 beside: their like in the region."""
         return sizes_beside(self._sizes, values)
+
+    def near_zero(self, values: np.ndarray) -> np.ndarray:
+        """Which eigenvalues (n_fast,) at one place may be 0: a double zero is known to a root of rounding."""
+        return np.abs(values) <= 1e-4 * self.sizes_beside(values)
 
     @cached_property
     def _sizes(self) -> np.ndarray:

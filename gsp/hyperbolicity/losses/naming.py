@@ -41,7 +41,7 @@ def name_loss(diagnosis: Diagnosis, found: Found) -> Loss:
         return diagnosis.loss(z, crossing, LossKind.NON_SMOOTH, "least |Re lambda|", value, consequences.JUMP)
     values = diagnosis.sampler.eigenvalues(z[None, :])[0]
     # Beside a much larger eigenvalue the search takes a pair for a zero.
-    if (np.abs(values) > 1e-4 * diagnosis.sizes_beside(values)).all() and (values.imag != 0.0).any():
+    if not diagnosis.near_zero(values).any() and (values.imag != 0.0).any():
         return pair(diagnosis, z)
     return zero(diagnosis, z)
 

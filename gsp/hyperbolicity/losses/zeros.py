@@ -15,6 +15,7 @@ from gsp.critical.normal_forms import (
     cubic_coefficient,
     null_vectors,
     quadratic_coefficient,
+    settled,
 )
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
@@ -39,8 +40,7 @@ def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     values = np.linalg.eigvals(at.A)
     singular = np.linalg.svd(diagnosis.in_units(at.A), compute_uv=False)
     corank = int((singular <= ZERO_SINGULAR * diagnosis.singular_sizes).sum())
-    sizes = diagnosis.sizes_beside(values)
-    near = np.abs(values) <= 1e-4 * sizes
+    sizes, near = diagnosis.sizes_beside(values), diagnosis.near_zero(values)
     on_axis = (np.abs(values.real) <= ZERO_SINGULAR * sizes) & ~near & (np.abs(values.imag) > 0.0)
     if corank > 1:
         return _degenerate(diagnosis, at, determinant, f"{corank} zero eigenvalues with {corank} null vectors")
@@ -221,8 +221,8 @@ def _branch_point(
     cross = float(np.einsum("i,ijk,j,k->", left, at.second, kernel[0], along))
     bent = 0.5 * float(np.einsum("i,ijk,j,k->", left, at.second, along, along))
     terms = float(np.einsum("i,ijk,j,k->", *map(np.abs, (left, at.second, along, along))))
-    bent = _settled(bent, terms)
-    push = _settled(float(left @ at.push), diagnosis.largest_push(left))
+    bent = settled(bent, terms)
+    push = settled(float(left @ at.push), diagnosis.largest_push(left))
     if a:
         # A power of a float that is too large raises; a product is infinite.
         discriminant = 0.25 * cross * cross - a * bent
@@ -234,7 +234,7 @@ def _branch_point(
         if moves and cross != 0.0:
             # The tangent of the branch that is a graph over x is along + slope (0, r).
             slope = -bent / cross
-            coefficients |= {"crossing": cross, "push": _settled(push - slope, max(abs(push), abs(slope)))}
+            coefficients |= {"crossing": cross, "push": settled(push - slope, max(abs(push), abs(slope)))}
         if c:
             kind, verdict = LossKind.PITCHFORK, consequences.pitchfork(coefficients)
         else:
@@ -245,11 +245,6 @@ def _branch_point(
     return diagnosis.loss(
         at.z, Contact.ZERO, kind, test, value, verdict, coefficients=coefficients, note=here.note
     )
-
-
-def _settled(value: float, terms: float) -> float:
-    """The value, 0 where it is nothing beside the terms that it is made of."""
-    return value if abs(value) > ZERO_TERM * terms else 0.0
 
 
 def _touching(diagnosis: Diagnosis, here: _SimpleZero, coefficients: Mapping[str, float]) -> Loss:

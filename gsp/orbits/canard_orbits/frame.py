@@ -190,17 +190,9 @@ def frame_at(
 def singularity_in(singularity: FoldedSingularity, units: np.ndarray) -> FoldedSingularity:
     """The singularity of the system with its states in `units` (3,); eigenvalues know of none."""
     system = singularity.system
-    sizes = dict(zip(system.states, units))
-    moved = SlowFastSystem(
-        slow=in_units(system.slow, sizes),
-        fast=in_units(system.fast, sizes),
-        epsilon=system.epsilon,
-        parameters=system.parameters,
-        name=system.name,
-    )
-    exact = {s.name: sp.Rational(*float(unit).as_integer_ratio()) for s, unit in sizes.items()}
-    point = {name: value / exact[name] for name, value in singularity.point.items()}
-    return replace(singularity, system=moved, point=MappingProxyType(point))
+    place = {s: singularity.point[s.name] for s in system.states}
+    point = {s.name: value for s, value in in_units(place, dict(zip(system.states, units))).items()}
+    return replace(singularity, system=system.moved_into(units), point=MappingProxyType(point))
 
 
 def section_of(

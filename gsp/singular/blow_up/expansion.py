@@ -203,8 +203,8 @@ def _check_off_axis(ring: LocalRing, C: Matrix) -> None:
     pair = values[(values.imag > 0.0) & (np.abs(values.real) <= ZERO_SINGULAR * np.abs(values))]
     if pair.size:
         raise BlowUpError(
-            f"an imaginary pair of fast eigenvalues is beside the zero one here, +-{pair[0].imag:.4g}i: they share a "
-            "centre manifold, on which this is no blow-up of the zero alone.",
+            f"an imaginary pair of fast eigenvalues, +-{pair[0].imag:.4g}i, is beside the zero one here: both "
+            "belong to one centre manifold, and a blow-up of the zero alone would leave the pair out.",
             "Integrate the full system across it, or move a parameter so that the two are apart.",
             value=tuple(values),
         )

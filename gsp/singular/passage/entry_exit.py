@@ -184,10 +184,12 @@ class _Passage:
 
     def _left_beside(self, piece: ResolvedPanel, exit_at: float | None) -> float | None:
         """The time on the piece, before `exit_at`, at which a real loss left of the rightmost eigenvalue is met."""
+        first, n = 2 if self.losses[0].kind is LossKind.HOPF else 1, len(self.orbit.branch.system.y)
+        if first >= n:
+            return exit_at
         real = np.real(self.orbit.eigenvalues(np.array([self.orbit.at(t) for t in piece.t])))
-        first = 2 if self.losses[0].kind is LossKind.HOPF else 1
         met = []
-        for which in range(first, real.shape[1]):
+        for which in range(first, n):
             values = real[:, which]
             for i in 1 + np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0)):
                 met.append((crossing(piece.t, values, 0.0, int(i)), which))
