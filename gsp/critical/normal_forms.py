@@ -20,8 +20,8 @@ ZERO_TERM = 1e-6
 Trilinear = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def settled(value: float, terms: float, *, zero: float = ZERO_TERM) -> float:
-    """The value, 0 where it is below the share `zero` of the terms that it is made of."""
+def significant(value: float, terms: float, *, zero: float = ZERO_TERM) -> float:
+    """The value, or 0 where it is below the share `zero` of the terms that it is made of."""
     return value if abs(value) > zero * terms else 0.0
 
 
@@ -75,7 +75,7 @@ def first_lyapunov(
     value = float(np.vdot(p, total).real)
     size, bent = np.abs(q), 2.0 * np.abs(steady) + np.abs(double)
     terms = np.abs(p) @ (abs(C)(size, size, size) + quadratic(size, bent, np.abs(B)))
-    return settled(value, terms) / (2.0 * omega), q, p
+    return significant(value, terms) / (2.0 * omega), q, p
 
 
 def bogdanov_takens(A: np.ndarray, B: np.ndarray) -> tuple[float, float]:

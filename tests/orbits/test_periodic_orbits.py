@@ -484,7 +484,7 @@ def test_a_cycle_and_its_family_do_not_depend_on_how_far_apart_units_are(units) 
     here, there = found(dict.fromkeys((x, y, z), sp.S.One)), found(size)
     assert there[0].period == pytest.approx(here[0].period, rel=1e-12)
     # Of a pair either may come first.
-    sizes = [np.sort(np.abs(found[0].multipliers)) for found in (here, there)]
+    sizes = [np.sort(np.abs(orbit.multipliers)) for orbit, _ in (here, there)]
     assert sizes[1] == pytest.approx(sizes[0], abs=1e-9)
     assert there[0].error < 1e-8
     assert there[1].period[-1] == pytest.approx(here[1].period[-1], rel=1e-9)

@@ -217,8 +217,8 @@ class _Builder:
         # A vertex may leave its face by half of the face; beyond, it is corrected in another way.
         every, reach = np.arange(len(u)), 0.5 * np.abs(edges).max(axis=1) + 0.25 * self.grid.size
         across = np.where(self.held, 0.0, self.grid.size)[:, None, :] * np.eye(u.shape[1])
-        far = self._settled(u, first, every, across, reach)
-        rest = self._settled(u, first, far, edges, reach)
+        far = self._correct_rows(u, first, every, across, reach)
+        rest = self._correct_rows(u, first, far, edges, reach)
         outside = np.flatnonzero((np.abs(self._confined(u) - u) > 1e-9 * self.grid.size).any(axis=1))
         for i in np.union1d(rest, outside):
             found = self._repaired(first[i], self.held[i])
@@ -226,7 +226,7 @@ class _Builder:
             u[i] = first[i] if found is None else found
         return np.where(self.held, exact, self._confined(u))
 
-    def _settled(
+    def _correct_rows(
         self, u: np.ndarray, first: np.ndarray, rows: np.ndarray, ways: np.ndarray, reach: np.ndarray
     ) -> np.ndarray:
         """Correct those `rows` of `first` into `u` along their `ways`; which of them go beyond `reach`, or nowhere."""

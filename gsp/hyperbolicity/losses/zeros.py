@@ -15,7 +15,7 @@ from gsp.critical.normal_forms import (
     cubic_coefficient,
     null_vectors,
     quadratic_coefficient,
-    settled,
+    significant,
 )
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
@@ -221,8 +221,8 @@ def _branch_point(
     cross = float(np.einsum("i,ijk,j,k->", left, at.second, kernel[0], along))
     bent = 0.5 * float(np.einsum("i,ijk,j,k->", left, at.second, along, along))
     terms = float(np.einsum("i,ijk,j,k->", *map(np.abs, (left, at.second, along, along))))
-    bent = settled(bent, terms)
-    push = settled(float(left @ at.push), diagnosis.largest_push(left))
+    bent = significant(bent, terms)
+    push = significant(float(left @ at.push), diagnosis.largest_push(left))
     if a:
         # A power of a float that is too large raises; a product is infinite.
         discriminant = 0.25 * cross * cross - a * bent
@@ -234,7 +234,7 @@ def _branch_point(
         if moves and cross != 0.0:
             # The tangent of the branch that is a graph over x is along + slope (0, r).
             slope = -bent / cross
-            coefficients |= {"crossing": cross, "push": settled(push - slope, max(abs(push), abs(slope)))}
+            coefficients |= {"crossing": cross, "push": significant(push - slope, max(abs(push), abs(slope)))}
         if c:
             kind, verdict = LossKind.PITCHFORK, consequences.pitchfork(coefficients)
         else:

@@ -28,7 +28,7 @@ import sympy as sp
 from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem, eigenvalue_sizes, sizes_beside
 from gsp.critical.loss_kind import LossKind
-from gsp.critical.normal_forms import bordered, settled
+from gsp.critical.normal_forms import bordered, significant
 from gsp.errors import GspError
 from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR
 from gsp.roots import root
@@ -220,11 +220,11 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     third = problem.third(z).in_units(unit)
     # At the loss, or all along the branch, second derivatives may be rounding; third ones say of which size.
     bent = np.abs(third.values).max(initial=0.0) * np.abs(path[:, m:] / unit).max()
-    q = settled(0.5 * float(l @ bending), size * float(max(bent, np.abs(second).max())), zero=ZERO)
+    q = significant(0.5 * float(l @ bending), size * float(max(bent, np.abs(second).max())), zero=ZERO)
     h = np.linalg.lstsq(bordered(g_y, r, l), np.append(2.0 * q * r - bending, 0.0), rcond=None)[0][:n]
     cubic = third(r, r, r) / 6.0 + 0.5 * np.einsum("ijk,j,k->i", second, r, h)
     terms = size * float(np.abs(third.values).max(initial=0.0) + np.abs(second).max() ** 2)
-    p = settled(float(l @ cubic), terms, zero=ZERO)
+    p = significant(float(l @ cubic), terms, zero=ZERO)
     rates = [laurent(g, system.epsilon, order=1).get(1, sp.Integer(0)) for g in system.g]
     first, constants = orbit.sampler.compiled(rates), orbit.sampler.p
     moved = orbit.velocity(z)[m:]
@@ -232,7 +232,7 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     typical = np.abs(first(path, constants) / unit).max() + max(
         np.abs(orbit.velocity(point)[m:] / unit).max() for point in path[::8]
     )
-    rho = settled(float(l @ ((first(z, constants) - moved) / unit)), size * float(typical), zero=ZERO)
+    rho = significant(float(l @ ((first(z, constants) - moved) / unit)), size * float(typical), zero=ZERO)
     length = float(np.linalg.norm(unit * r))
     result = {"q": q / length, "p": p / length**2, "rho": rho * length}
     if q != 0.0 and crossing != 0.0:
