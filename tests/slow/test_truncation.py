@@ -300,7 +300,10 @@ def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_mark
         branch=curve.branch, system=curve.branch.system, region={"y": (-0.66, 1.0), "x": (1, 2.5)}
     )
     analysis = SimpleNamespace(
-        scene=SimpleNamespace(epsilon=0.05), series=curve, short_series=curve, study=study
+        scene=SimpleNamespace(system=curve.branch.system, epsilon=0.05),
+        series=curve,
+        short_series=curve,
+        study=study,
     )
     on, leading = slow_curve(analysis)
     drawn = np.isfinite(on[:, 1])
