@@ -393,6 +393,40 @@ def test_three_curves_through_one_point_are_named_but_not_told_apart() -> None:
 ELLIPSE = 1 - x**2 / 4 - y**2 - x * y / 3
 
 
+@pytest.mark.parametrize("unit", [1, sp.Rational(1, 10**9), 10**6])
+@pytest.mark.parametrize(
+    "g",
+    [y**2 - x**4, y**3 - x**4, y**3 - x**5, (y - x**2) * (y + x**2) * (y - x / 2)],
+    ids=["tacnode", "x^(4/3)", "x^(5/3)", "tacnode and a line"],
+)
+def test_a_contact_of_higher_order_is_one_branch_point(g: sp.Expr, unit: sp.Expr) -> None:
+    curve = continue_critical(
+        one(g.subs(x, x / unit)), start={"x": unit, "y": 1}, bounds={"x": (-2 * unit, 2 * unit), "y": (-3, 3)}
+    )
+    beside = [point for point in curve.special if abs(point["x"]) < 0.25 * unit]
+    assert [point.kind for point in beside] == [LossKind.BRANCH_POINT]
+    # g is zero to the tolerance of a step over this length.
+    assert abs(beside[0]["x"]) < 1e-4 * unit
+    assert curve.status is Status.BOUND_REACHED
+
+
+@pytest.mark.parametrize("order", [3, 5])
+def test_a_curve_that_turns_back_in_a_point_ends_at_one_branch_point(order: int) -> None:
+    curve = continue_critical(one(y**2 - x**order), start={"x": 1, "y": 1}, bounds={"x": (-2, 2), "y": (-3, 3)})
+    (point,) = curve.special
+    assert point.kind is LossKind.BRANCH_POINT
+    assert abs(point["x"]) < 1e-3
+    assert curve.points[:, 0].min() > -1e-3
+
+
+def test_a_fast_rate_that_is_small_over_a_stretch_has_no_branch_point_there() -> None:
+    curve = continue_critical(
+        one(sp.exp(-40 * x**2) * (y - sp.sin(x))), start={"x": 1, "y": 0.8}, bounds={"x": (-2, 2)}
+    )
+    assert curve.special == ()
+    assert curve.status is Status.BOUND_REACHED
+
+
 def test_a_curve_through_a_pole_of_the_field_ends_there_without_a_branch_point() -> None:
     # Zhabotinsky's oxidised catalyst: at x = 1 the field is infinite, but for y = 1/4, where it is 0/0.
     fast = y * (1 - y) - x / (1 - x) * (y - sp.Rational(1, 4)) / 50

@@ -269,6 +269,10 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
                 return None
             if self._at_crossing and self._is_start(trace, crossing[0], t):
                 return self._closed(nodes)
+            since = trace.points[max(trace.crossings, default=len(trace.points)) :]
+            if since and all(self._is_same(u, crossing[0]) for u in since):
+                # The last branch point once more: the curve turns back there, as y^2 = x^3 does.
+                return None
             trace.crossings[len(trace.points)] = crossing[1]
             nodes.append((self._append(trace, crossing[0], t), 0.0))
         if len(trace.points) > 3 and self._closes(trace, u, reached, along):
@@ -307,6 +311,9 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
         self.scales[grown] = np.abs(u[grown])
         t = raw / self.scales
         return t / np.linalg.norm(t)
+
+    def _is_same(self, u: np.ndarray, v: np.ndarray) -> bool:
+        return bool(np.linalg.norm((u - v) / self.scales) < SAME_PLACE)
 
     # -- bounds ------------------------------------------------------------------------------------
 

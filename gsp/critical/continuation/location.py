@@ -144,13 +144,15 @@ class _SpecialPointSearch:
             crossing = CurveCrossing(point.coefficients.get("discriminant", 0.0), point.directions[::-1])
             self.found.append((row, branch_point(self.problem, point.unknowns, crossing)))
         self.crossings = {round(row) for row, _ in self.found}
+        self._contacts()
         self._folds()
         if self.problem.size > 1:
             self._pairs()
 
     def _folds(self) -> None:
         for a, b in sign_changes(self.tangents[:, 0]):
-            self._fold(a, b, self.points[a], self.points[b])
+            if not self.crossings.issuperset((a, b)):
+                self._fold(a, b, self.points[a], self.points[b])
         for a, b, ends in self._turns(self._determinants):
             if self.crossings.isdisjoint(range(a, b + 1)):
                 u, value = self._least(a, b, self._determinants)
@@ -159,6 +161,24 @@ class _SpecialPointSearch:
                     self._fold(a, b, u, self.points[b])
                 elif value <= TOUCH * ends:
                     self._touch(a, b, u)
+
+    def _contacts(self) -> None:
+        """Branch points of higher order, as where curves touch: g_u vanishes there faster than g_uu."""
+        scales = self.scales[0]
+        unit = scales[-self.problem.size :]
+        slopes = np.array([self.problem.jacobian(u) for u in self.points]) * scales / unit[:, None]
+        sizes = np.linalg.svd(slopes, compute_uv=False)[:, -1]
+        reach = np.full(len(sizes), np.inf)
+        before, after = np.maximum.accumulate(sizes), np.maximum.accumulate(sizes[::-1])[::-1]
+        for row in np.flatnonzero(sizes < SAME_PLACE * np.minimum(before, after)):
+            bent = self.problem.second(self.points[row]) * (scales[:, None] * scales) / unit[:, None, None]
+            reach[row] = sizes[row] / (np.abs(bent).max() or np.inf)
+        edges = np.flatnonzero(np.diff(reach < SAME_PLACE, prepend=False, append=False))
+        for a, b in edges.reshape(-1, 2):
+            if self.crossings.isdisjoint(range(a - 1, b + 1)):
+                row = a + int(np.argmin(reach[a:b]))
+                self.found.append((row, branch_point(self.problem, self.points[row], CurveCrossing(0.0, NONE))))
+                self.crossings.update(range(a - 1, b + 1))
 
     def _determinants(self, u: np.ndarray) -> np.ndarray:
         return np.linalg.det(self.problem.fast_jacobians(u))

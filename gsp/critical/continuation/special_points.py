@@ -25,6 +25,8 @@ from gsp.systems.region import Interval, is_within
 ZERO_EIGENVALUE = 1e-6
 # A tangent counts as vertical when its free component is below this, in scaled units.
 VERTICAL = 1e-6
+# A step of Newton's method of at least this share of the one before does not converge by squares.
+STAGNANT = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +297,7 @@ class BranchPoints:
         size = np.linalg.norm(slope, axis=1) / unit
         size = unit * np.where(size > 1e-3 * size.max(), size, 1e-3 * size.max() or 1.0)
         w = np.linalg.svd(slope / size[:, None])[0][:, -1]
-        N, alpha = len(u), 0.0
+        N, alpha, previous = len(u), 0.0, np.inf
         for _ in range(25):
             value, slope = problem.residual(u) / size, problem.jacobian(u) * scales / size[:, None]
             curved = problem.second(u) * (scales[:, None] * scales) / size[:, None, None]
@@ -317,8 +319,9 @@ class BranchPoints:
             u, alpha, w = u - scales * step[:N], alpha - step[N], w - step[N + 1 :]
             if length < 1e-11:
                 # A branch point is on the curve when g misses zero there by at most this, in rows of unit
-                # slope.
-                return (u, w, size) if abs(alpha) < 1e-11 else None
+                # slope. At one of higher order, where the system is singular, a step halves the one before.
+                return (u, w, size) if abs(alpha) < 1e-11 and length < STAGNANT * previous else None
+            previous = length
         return None
 
     def _directions(
