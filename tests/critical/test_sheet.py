@@ -102,6 +102,24 @@ def test_a_bogdanov_takens_point_is_told_from_a_cusp() -> None:
     assert np.abs(point.eigenvalues).max() < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("g", "start"),
+    [
+        (y**4 + a * y + b, {"a": -4, "b": 3, "y": 1}),
+        (y**6 + a * y**2 + b, {"a": -3, "b": 2, "y": 1}),
+        (y**5 + a * y**2 + b, {"a": -2.5, "b": 1.5, "y": 1}),
+        (y**4 + a * y**2 + b, {"a": -1, "b": 0, "y": 0}),
+    ],
+    ids=["order 4", "order 6", "order 5", "a line across the curve"],
+)
+def test_a_fold_of_higher_order_on_a_curve_of_folds_is_degenerate(g: sp.Expr, start: dict) -> None:
+    """The fold coefficient touches zero there, or changes its sign where another curve of folds crosses."""
+    folds = continue_folds(over(g), start=start, bounds={"a": (-5, 5), "b": (-5, 5), "y": (-2, 2)})
+    (point,) = folds.special
+    assert point.kind is LossKind.DEGENERATE
+    assert max(abs(point[name]) for name in ("a", "b", "y")) < 1e-4
+
+
 @pytest.mark.exhaustive
 def test_a_closed_curve_of_folds_closes() -> None:
     folds = continue_folds(over(1 - a**2 - 2 * b**2 - y**2), start={"a": 0.9, "b": 0, "y": 0})

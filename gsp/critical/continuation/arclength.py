@@ -182,11 +182,15 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
         return None if found is None else found[0]
 
     def root(self, a: np.ndarray, b: np.ndarray, test: Callable[[np.ndarray], float]) -> np.ndarray | None:
-        """Where `test` changes its sign between a and b, along the chord; None where Newton fails on the way."""
+        """Where `test` changes its sign between a and b, along the chord; None where Newton fails on the way.
+
+        Where it fails at one point, as at a branch point that is met exactly, one beside it is taken.
+        """
         met = {0.0: a, 1.0: b}
 
         def value(share: float) -> float:
-            u = self.between(a, b, share)
+            beside = (self.between(a, b, share + offset) for offset in (0.0, -SAME_PLACE, SAME_PLACE))
+            u = next((u for u in beside if u is not None), None)
             if u is None:
                 return float("nan")
             met[share] = u

@@ -12,10 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.arclength import CurveTrace, PointTracer
+from gsp.critical.continuation.arclength import SAME_PLACE, CurveTrace, PointTracer
 from gsp.critical.continuation.critical_curve import NamedCurve, Options, curve_of, oriented
 from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside, joined, traced
-from gsp.critical.continuation.location import inserted, place_between, sign_changes
+from gsp.critical.continuation.location import (
+    TOUCH,
+    inserted,
+    least_between,
+    place_between,
+    sign_changes,
+    touches,
+)
 from gsp.critical.continuation.special_points import (
     SpecialPoint,
     curvature,
@@ -215,19 +222,35 @@ def _special(
 ) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
     """The trace's points with cusps and Bogdanov-Takens points among them, these, and the arclength."""
     points, scales = np.array(trace.points), np.array(trace.scales)
+    lengths = np.linalg.norm(np.diff(points, axis=0) / scales[1:], axis=1)
     found: list[tuple[float, SpecialPoint]] = []
     for kind, values in zip((LossKind.CUSP, LossKind.BOGDANOV_TAKENS), _tests(problem, points, units, units)):
-        for a, b in sign_changes(values):
+        slopes = np.gradient(values, np.append(0.0, np.cumsum(lengths))) if len(lengths) else values
+        for a, b in [*sign_changes(values), *touches(values, slopes, lengths)]:
             tracer.scales = scales[a]
             tracer.equations = singular_near(problem, identity, points[b], units)
-            tracer.counters.located += 1
-            test = _bordered_test(tracer.equations, kind)
-            u = points[a] if a == b else tracer.root(points[a], points[b], test)
-            if u is not None:
-                place = place_between(points, a, b, u, scales[a])
-                found.append((place, _described(problem, u, kind, scales[a], points)))
+            for u in _zeros(tracer, points[a : b + 1], _bordered_test(tracer.equations, kind)):
+                if all(np.linalg.norm((u - point.unknowns) / scales[a]) > SAME_PLACE for _, point in found):
+                    place = place_between(points, a, b, u, scales[a])
+                    found.append((place, _described(problem, u, kind, scales[a], points)))
     tracer.scales = scales.max(axis=0)
     return inserted(points, scales, found)
+
+
+def _zeros(tracer: PointTracer, rows: np.ndarray, test: Callable[[np.ndarray], float]) -> list[np.ndarray]:
+    """Where `test` is zero between the first and the last of `rows` (m, N): it changes its sign, or touches."""
+    first, last = rows[0], rows[-1]
+    tracer.counters.located += 1
+    if len(rows) == 1:
+        return [first]
+    ends = test(first), test(last)
+    brackets = [(first, last)]
+    if ends[0] * ends[1] > 0.0:
+        u, least = least_between(tracer, rows, lambda us: np.array([test(u) for u in us]))
+        if least >= 0.0:
+            return [u] if least <= TOUCH * min(map(abs, ends)) else []
+        brackets = [(first, u), (u, last)]
+    return [u for low, high in brackets if (u := tracer.root(low, high, test)) is not None]
 
 
 def _bordered_test(system, kind: LossKind) -> Callable[[np.ndarray], float]:

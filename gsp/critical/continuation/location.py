@@ -78,6 +78,34 @@ def touches(values: np.ndarray, slopes: np.ndarray, lengths: np.ndarray) -> Iter
             yield i, i + 1
 
 
+def least_between(
+    tracer: PointTracer, rows: np.ndarray, test: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, float]:
+    """Where `test`, of one sign at the first and the last of `rows` (m, N), is least in size between, and its size.
+
+    It ends at the first point of the other sign, with a negative size.
+    """
+    tracer.counters.located += 1
+    at_rows = test(rows)
+    sign = np.sign(at_rows[0])
+    least = int(np.argmin(sign * at_rows))
+    best = (rows[least], float(sign * at_rows[least]))
+
+    def size(share: float) -> float:
+        u = tracer.between(rows[0], rows[-1], share)
+        if u is None:
+            return float("inf")
+        value = float(sign * test(u[None, :])[0])
+        nonlocal best
+        if value < best[1]:
+            best = (u, value)
+        return value
+
+    if best[1] >= 0.0:
+        roots.least(size, 0.0, 1.0, below=0.0)
+    return best
+
+
 def locate(
     problem: LayerProblem, tracer: PointTracer, trace: CurveTrace, known: tuple[SpecialPoint, ...] = ()
 ) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
@@ -217,31 +245,8 @@ class _SpecialPointSearch:
             self._add_fold(a, b, u if cusp is None else cusp)
 
     def _least(self, a: int, b: int, test: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, float]:
-        """Where `test`, of one sign at rows a and b, is least in size between them, and its size there.
-
-        It ends at the first point of the other sign, with a negative size.
-        """
         self.tracer.scales = self.scales[a]
-        self.tracer.counters.located += 1
-        first, last = self.points[a], self.points[b]
-        at_rows = test(self.points[a : b + 1])
-        sign = np.sign(at_rows[0])
-        least = int(np.argmin(sign * at_rows))
-        best = (self.points[a + least], float(sign * at_rows[least]))
-
-        def size(share: float) -> float:
-            u = self.tracer.between(first, last, share)
-            if u is None:
-                return float("inf")
-            value = float(sign * test(u[None, :])[0])
-            nonlocal best
-            if value < best[1]:
-                best = (u, value)
-            return value
-
-        if best[1] >= 0.0:
-            roots.least(size, 0.0, 1.0, below=0.0)
-        return best
+        return least_between(self.tracer, self.points[a : b + 1], test)
 
     def _add_fold(self, a: int, b: int, u: np.ndarray) -> None:
         around = self.points[max(a - AROUND, 0) : b + AROUND + 1]
