@@ -14,6 +14,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import GspError, Status
+from gsp.integration.clock_stops import stops_of_members
 from gsp.integration.explanations import Explanation
 from gsp.integration.loop import (
     STATUS,
@@ -22,7 +23,6 @@ from gsp.integration.loop import (
     check_span,
     check_step_limit,
     check_tolerances,
-    stops_of,
 )
 from gsp.integration.member import SHOWN_STATES, Member
 from gsp.integration.members import Column, Columns, Members, Starts, members_of
@@ -259,10 +259,8 @@ def integrate_many(
     solver.give_loops(program)
     # Addresses are asked for here: two threads would compile twice.
     control = (float(rtol), float(atol), limit)
-    shared = (
-        solver.corrects, program,
-        members.constants.copy(), first, stops_of(None if reads else grid, first, last), t.copy(), control,
-    )  # fmt: skip
+    stops = stops_of_members(compiled, members, None if reads else grid, first, last)
+    shared = solver.corrects, program, members.constants.copy(), first, stops, t.copy(), control
     watched = None
     if flow.is_reduced:
         watched = _watched(flow, members, t, span=(first, last), method=chosen, control=control)

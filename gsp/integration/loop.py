@@ -258,14 +258,6 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
     )
 
 
-def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
-    """Times (s,) at which steps end: those of the grid ahead of the start, and the end."""
-    if grid is None:
-        return np.array([last])
-    ahead = grid[1:] if grid[0] == first else grid
-    return ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
-
-
 def check_step_limit(max_steps: int) -> int:
     """The bound on attempted steps as an int that fits a counter; raises `DeclarationError` otherwise."""
     if type(max_steps) is int and 1 <= max_steps <= 2**62:

@@ -12,6 +12,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, GspError, Status
+from gsp.integration.clock_stops import clock_stops, stops_of
 from gsp.integration.events import NOT_MET, Crossings, Event, compile_events
 from gsp.integration.loop import (
     ALONE,
@@ -26,7 +27,6 @@ from gsp.integration.loop import (
     check_step_limit,
     check_tolerances,
     run,
-    stops_of,
 )
 from gsp.integration.member import SHOWN_STATES
 from gsp.integration.methods import SOLVERS, Method, check_method
@@ -368,7 +368,9 @@ def trajectory_of(
     reads = (
         grid is not None and compiled_events is None and not stops_at_times and compiled.expressions.is_smooth
     )
-    stops = (last,) if reads or grid is None else stops_of(grid, first, last)
+    places = clock_stops(compiled, p, y, first, last) if compiled.clocks else ()
+    landed = None if reads else grid
+    stops = (last,) if landed is None and not places else stops_of(landed, first, last, places)
     looks = ALONE if returns_partial else NOBODY
     if tests is not None or progress is not None:
         rows = RECORD if tests is None else LOOK

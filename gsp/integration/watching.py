@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from gsp.errors import Status
+from gsp.integration.clock_stops import stops_of
 from gsp.integration.crossings import Search
 from gsp.integration.events import NOT_MET, CompiledEvents, Crossings, met_within
 from gsp.integration.explanations import explain
-from gsp.integration.loop import RECORD, Run, run, standing, stops_of
+from gsp.integration.loop import RECORD, Run, run, standing
 from gsp.integration.methods import choose_method
 from gsp.integration.run_array import RunRecord
 from gsp.integration.watched import LOOK, Stepper
@@ -112,7 +113,9 @@ def _made_again(
     span = request.first, float(request.stops[-1])
     method = control.method or choose_method(request.compiled, control.rtol)
     stepper = Stepper(request.compiled, p, method, control.rtol, control.atol)
-    ending = ending_of(flow, stepper, span, y, stops_of(grid, *span)) if flow.is_reduced else None
+    ending = (
+        ending_of(flow, stepper, span, y, stops_of(grid, *span, request.stops)) if flow.is_reduced else None
+    )
     search = search_of(compiled_events, ending, stepper, span, y)
     begun = None if ending is None else ending.at_start(span[0], y)
     if begun is not None:

@@ -49,11 +49,19 @@ def _keep(corrects, flow, control, made, wanted, scratch):
 @inlined_kernel
 def uncounted_members(shared, arrays, scratch):
     """What `run_members` takes, each array uncounted."""
-    corrects, program, constants, first, stops, grid, control = shared
+    corrects, program, constants, first, (stops, spans), grid, control = shared
     ends, reached, kept, counters, codes = arrays
     rate, memory, record = scratch
     return (
-        (corrects, uncounted(program), uncounted(constants), first, uncounted(stops), uncounted(grid), control),
+        (
+            corrects,
+            uncounted(program),
+            uncounted(constants),
+            first,
+            (uncounted(stops), uncounted(spans)),
+            uncounted(grid),
+            control,
+        ),
         (uncounted(ends), uncounted(reached), uncounted(kept), uncounted(counters), uncounted(codes)),
         (uncounted(rate), uncounted(memory), uncounted_record(record)),
     )
@@ -76,7 +84,8 @@ def run_piece(shared, arrays, scratch, i, before, spare):
     Row 0 of the record receives where the member stands, of which `before` times are kept. `spare`, of the memory's
     size, is scratch.
     """
-    corrects, program, constants, _, stops, grid, control = shared
+    corrects, program, constants, _, (stops, spans), grid, control = shared
+    stops = stops[spans[i, 0] : spans[i, 1]]
     ends, _, kept, counters, _ = arrays
     rate, memory, record = scratch
     times, states, dense = record
@@ -103,10 +112,11 @@ def run_members(shared, low, high, halt, arrays, scratch):
     """Run the members low to high - 1 from a time to the last of some stops, each as if it were alone.
 
     `shared` are whether values between steps are corrected, the program, with its loops, p of each member (members, k),
-    the time of the start, the stops (s,), the grid (m,) and (rtol, atol, max_steps). Row i of `arrays` is member i's:
-    its state (the start, then what was reached), the time reached, the states at the grid, where `shared` says so as
-    `landing.correct` makes them, the integrator's counters, and the code. `scratch` are a rate (n,), the integrator's
-    memory and a record with a row for the start. No step is begun with a fresh record once `halt` (1,) is not 0.
+    the time of the start, the stops of all members with the span (members, 2) of each in them, the grid (m,) and
+    (rtol, atol, max_steps). Row i of `arrays` is member i's: its state (the start, then what was reached), the time
+    reached, the states at the grid, where `shared` says so as `landing.correct` makes them, the integrator's counters,
+    and the code. `scratch` are a rate (n,), the integrator's memory and a record with a row for the start. No step is
+    begun with a fresh record once `halt` (1,) is not 0.
     """
     shared, arrays, scratch = uncounted_members(shared, arrays, scratch)
     _, memory, _ = scratch

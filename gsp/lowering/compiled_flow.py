@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.clocks import clocks
 from gsp.algebra.sharing import holding
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.kernels import addresses
@@ -18,6 +20,7 @@ from gsp.kernels.dop853 import dop853
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_loops import attempt_by_loops
+from gsp.lowering.compiled_clock import CompiledClock
 from gsp.lowering.compiled_function import MAKING, MOST_KEPT, CompiledFunction, compile_function, exact
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import CollocationCode
@@ -153,6 +156,14 @@ class CompiledFlow:
             derivatives = self.entries.address if self.is_sparse else self.jacobian
             return np.array([self.field, derivatives, run, address_of(*COLLOCATION_LOOPS), 0, *self._pattern])
         return np.array([self.field, self.jacobian, run, 0, *code.program])
+
+    @_made_once
+    def clocks(self) -> tuple[CompiledClock, ...]:
+        """The states of constant rate of which the rates hold functions that switch or peak."""
+        return tuple(
+            CompiledClock(clock, self._compiled([clock.rate, *chain(*clock.switches, *clock.peaks)]), self.size)
+            for clock in clocks(self.expressions.states, self.expressions.rates)
+        )
 
     @_made_once
     def observables(self) -> CompiledFunction:

@@ -1,0 +1,63 @@
+"""Where the steps of a run must end: on a grid, and where functions of a clock switch or peak.
+
+A step sees a field at a few points. A pulse between them, as of a dose or a kick, leaves no trace in its error
+estimate, however high it is. Of a pulse that is a function of a clock it is known when it comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from gsp.integration.members import Members
+from gsp.lowering.compiled_flow import CompiledFlow
+
+# A clock's sum over a run's steps is off by so many roundings; a step ends so far before a jump and so far after it.
+ROUNDING = 16 * float(np.finfo(float).eps)
+
+
+def stops_of(grid: np.ndarray | None, first: float, last: float, others: Iterable[float] = ()) -> np.ndarray:
+    """Times (s,) at which steps end: those of the grid ahead of the start, the others within the span, and the end."""
+    ahead = np.empty(0) if grid is None else grid[1:] if grid[0] == first else grid
+    ahead = ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
+    within = [t for t in others if (t - first) * (t - last) < 0.0]
+    if not within:
+        return ahead
+    return np.array(sorted({*within, *ahead.tolist()}, reverse=last < first))
+
+
+def stops_of_members(
+    compiled: CompiledFlow, members: Members, grid: np.ndarray | None, first: float, last: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The stops of all members in one array, and where those of each begin and end in it (m, 2)."""
+    if not compiled.clocks:
+        stops = stops_of(grid, first, last)
+        return stops, np.tile([0, stops.size], (len(members), 1))
+    known: dict[tuple[float, ...], tuple[int, int]] = {}
+    parts, spans, end = [], np.empty((len(members), 2), np.int64), 0
+    for i, (p, y) in enumerate(zip(members.constants, members.starts)):
+        others = tuple(clock_stops(compiled, tuple(p.tolist()), y, first, last))
+        if others not in known:
+            parts.append(stops_of(grid, first, last, others))
+            known[others] = end, end + parts[-1].size
+            end += parts[-1].size
+        spans[i] = known[others]
+    return np.concatenate(parts), spans
+
+
+def clock_stops(
+    compiled: CompiledFlow, p: tuple[float, ...], y: Sequence[float], first: float, last: float
+) -> list[float]:
+    """Times at which functions of clocks switch, one just before and one just after, or peak, in any order."""
+    found: list[float] = []
+    for clock in compiled.clocks:
+        now, (rate, switches, peaks) = float(y[clock.state]), clock.places(p)
+        if not 0.0 < abs(rate) < float("inf"):
+            continue
+        found += [first + (place - now) / rate for place in peaks]
+        for place in switches:
+            time = first + (place - now) / rate
+            apart = ROUNDING * max(abs(first), abs(last), abs(place / rate), abs(now / rate))
+            found += [time - apart, time + apart]
+    return found

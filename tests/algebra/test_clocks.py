@@ -1,0 +1,49 @@
+"""Where functions of a clock switch or peak is read off the rates."""
+
+import pytest
+import sympy as sp
+
+from gsp.algebra.clocks import clocks
+
+x, t, w = sp.symbols("x t w")
+
+
+def places(function: sp.Expr) -> tuple[set, set]:
+    """The zeros of the polynomials for `function` in the rate of x, beside a clock t."""
+    (clock,) = clocks((x, t), (function - x, sp.S.One))
+    assert clock.state == 1
+    return tuple(
+        {root for p in of for root in sp.Poly(p, t).all_roots(multiple=True) if root.is_real}
+        for of in (clock.switches, clock.peaks)
+    )  # pyright: ignore[reportReturnType]
+
+
+@pytest.mark.parametrize(
+    ("function", "switches", "peaks"),
+    [
+        (sp.Piecewise((1, (t > 5) & (t < 6)), (0, True)), {5, 6}, set()),
+        (sp.Heaviside(2 * t - 3, 0) * x, {sp.Rational(3, 2)}, set()),
+        (sp.exp(-((t - 5) ** 2)), set(), {5}),
+        (1 / (1 + 100 * (t - 4) ** 2), set(), {4}),
+        (x / sp.cosh(9 * t - 18), set(), {2}),
+        (sp.tanh(t - 1) - sp.tanh(t - 2), set(), {1, 2}),
+        (sp.Max(0, t**2 - 4), {-2, 2}, set()),
+    ],
+    ids=str,
+)
+def test_switches_and_peaks_of_functions_of_a_clock(function: sp.Expr, switches: set, peaks: set) -> None:
+    assert places(function) == (switches, peaks)
+
+
+@pytest.mark.parametrize(
+    "function", [sp.cos(t), t**3 * x, sp.Piecewise((1, t > x), (0, True)), sp.exp(sp.sin(t))], ids=str
+)
+def test_what_switches_with_the_states_or_varies_all_along_has_no_places(function: sp.Expr) -> None:
+    assert clocks((x, t), (function - x, sp.S.One)) == ()
+
+
+def test_a_state_whose_rate_moves_is_no_clock() -> None:
+    pulse = sp.exp(-((t - 5) ** 2))
+    assert clocks((x, t), (pulse - x, 1 + x)) == ()
+    assert clocks((x, t), (pulse - x, sp.S.Zero)) == ()
+    assert clocks((x, t), (pulse - x, 1 / w))[0].rate == 1 / w

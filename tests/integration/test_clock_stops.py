@@ -1,0 +1,89 @@
+"""No run steps over a pulse that a clock gives: its area is in what it drives, by every method and in every unit."""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import Status
+from gsp.integration.clock_stops import stops_of
+from gsp.integration.ensemble import integrate_many
+from gsp.integration.events import Event
+from gsp.integration.methods import Method
+from gsp.integration.restriction import restrict
+from gsp.integration.trajectory import integrate
+from gsp.slow.series import expand
+from gsp.systems.system import SlowFastSystem, VectorField
+
+x, y, t, w, T, eps = sp.symbols("x y t w T epsilon")
+PULSES = {
+    "a dose": (sp.Piecewise((1 / w, (t > T) & (t < T + w)), (0, True)), 1.0),
+    "a kick": (sp.exp(-(((t - T) / w) ** 2)) / w, np.sqrt(np.pi)),
+    "a window": ((sp.tanh((t - T) / w) - sp.tanh((t - T - w) / w)) / w, 2.0),
+    "a soliton": (1 / sp.cosh((t - T) / w) ** 2 / w, 2.0),
+}
+
+
+def driven(pulse: sp.Expr, width: float, rate: float = 1.0) -> VectorField:
+    return VectorField(
+        states={x: pulse, t: sp.Rational(rate)}, epsilon=None, parameters={w: sp.Rational(width), T: 5}
+    )
+
+
+@pytest.mark.parametrize("method", Method)
+@pytest.mark.parametrize("width", [0.5, 1e-3, 1e-5])
+@pytest.mark.parametrize("name", PULSES)
+def test_all_of_a_pulse_is_taken_from_rest(name: str, width: float, method: Method) -> None:
+    pulse, area = PULSES[name]
+    run = integrate(driven(pulse, width), start={"x": 0, "t": 0}, span=(0, 10), method=method)
+    assert run.status is Status.SUCCESS
+    assert run["x"][-1] == pytest.approx(area, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_a_pulse_is_met_in_any_unit_of_time_and_backward(unit: float) -> None:
+    pulse, area = PULSES["a dose"]
+    field = driven(pulse.subs(T, T * unit), 1e-3 * unit)
+    for span, sign in (((0.0, 10 * unit), 1.0), ((10 * unit, 0.0), -1.0)):
+        run = integrate(field, start={"x": 0, "t": span[0]}, span=span)
+        assert run["x"][-1] == pytest.approx(sign * area, rel=1e-6)
+
+
+def test_the_clock_is_read_off_its_own_start_and_rate() -> None:
+    run = integrate(driven(PULSES["a kick"][0], 1e-3, rate=2), start={"x": 0, "t": -100}, span=(7, 67))
+    half = np.interp(0.5 * run["x"][-1], run["x"], run.t)
+    assert half == pytest.approx(7 + 105 / 2, abs=1e-2)
+    assert run["x"][-1] == pytest.approx(np.sqrt(np.pi) / 2, rel=1e-6)
+
+
+def test_members_of_an_ensemble_meet_their_own_pulses_as_single_runs_do() -> None:
+    field, times = driven(PULSES["a dose"][0], 1e-3), np.array([1.0, 5.0, 7.0, 30.0])
+    many = integrate_many(field, {"x": 0, "t": 0}, parameters={"T": times}, span=(0, 10), at=[4, 10])
+    for i, time in enumerate(times):
+        alone = integrate(field.with_parameters(T=time), start={"x": 0, "t": 0}, span=(0, 10), at=[4, 10])
+        assert many["x"][i] == pytest.approx([float(time < 4), float(time < 10)], abs=1e-6)
+        assert many["x"][i].tolist() == alone["x"].tolist()
+
+
+def test_a_reduced_flow_and_a_run_with_events_meet_the_pulse() -> None:
+    pulse = PULSES["a dose"][0]
+    system = SlowFastSystem(
+        slow={x: pulse - y / 10, t: 1}, fast={y: x - y}, epsilon=eps,
+        parameters={w: sp.Rational(1, 1000), T: 5},
+    )  # fmt: skip
+    (branch,) = solve_critical(system).branches
+    reduced = restrict(expand(branch, order=1), order=1)
+    start, expected = {"x": 0, "t": 0}, np.exp(-0.5)
+    slow = integrate(reduced, start=start, span=(0, 10), epsilon=1e-4)
+    assert slow["x"][-1] == pytest.approx(expected, rel=1e-3)
+    full = integrate(system, start={**start, "y": 0}, span=(0, 10), epsilon=1e-4, events=Event(x - 1 / sp.S(2)))
+    assert full["x"][-1] == pytest.approx(expected, rel=1e-3)
+    (crossings,) = full.events.values()
+    assert crossings.times == pytest.approx([5.0005], abs=1e-4)
+
+
+def test_stops_are_in_order_each_once_and_within_the_span() -> None:
+    grid = np.array([0.0, 1.0, 2.0])
+    assert stops_of(grid, 0.0, 2.0).tolist() == [1.0, 2.0]
+    assert stops_of(grid, 0.0, 2.0, [1.5, -1.0, 0.0, 1.0, 3.0]).tolist() == [1.0, 1.5, 2.0]
+    assert stops_of(None, 2.0, 0.0, [0.5, 1.5]).tolist() == [1.5, 0.5, 0.0]
