@@ -27,16 +27,17 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
             errors = np.full_like(errors, np.nan)
             label = f"order {order}: exact to rounding"
         elif np.isfinite(comparison.slopes[order]):
-            label = (
-                f"order {order}: slope {comparison.slopes[order]:.2f}, expected {comparison.expected[order]}"
-            )
+            label = f"order {order}: slope {comparison.slopes[order]:.2f}"
+            if comparison.expected[order] is not None:
+                label += f", expected {comparison.expected[order]}"
         else:
             label = f"order {order}: not measured"
         axes.plot(epsilons, errors, color=colour, marker=marker, ms=5, lw=1.2, label=label, zorder=3)
         clear = np.isfinite(errors) & (errors > CLEARANCE * floor)
-        if clear.any():
+        power = comparison.expected[order]
+        if clear.any() and power is not None:
             anchor = np.flatnonzero(clear)[-1]
-            guide = errors[anchor] * (epsilons / epsilons[anchor]) ** comparison.expected[order]
+            guide = errors[anchor] * (epsilons / epsilons[anchor]) ** power
             axes.plot(epsilons, guide, color=colour, lw=6, alpha=0.16, solid_capstyle="butt", zorder=1)
             guided = True
         seen.append(errors)

@@ -10,11 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsp.algebra.switching_functions import switches
 from gsp.critical.sampling import Sampler
 from gsp.errors import DeclarationError, Status
 from gsp.fibres.inner_expansion import InnerExpansion
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
+from gsp.lowering.compiled_flow import parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.nested.nesting import Nesting
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
@@ -37,7 +40,8 @@ class RunErrors:
     """At one epsilon: the errors by name and the status of each order's run, the claims' errors, the reference's own.
 
     `errors` are absolute, `sizes` the largest values of the reference, `claimed` and `floor` relative to them. `moved`
-    are the quantities that the lowest order moves.
+    are the quantities that the lowest order moves, `crossed` the functions of which the reference crosses a zero where
+    the field is not smooth.
     """
 
     errors: Mapping[int, Mapping[str, float]]
@@ -46,6 +50,7 @@ class RunErrors:
     statuses: Mapping[int, Status]
     claimed: Mapping[str, float]
     floor: float
+    crossed: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,7 @@ class ComparedRuns:
             {n: reference.status if run.status.ok else run.status for n, run in runs.items()},
             claimed,
             max(largest_error(check, reference, slow) / CHECK, ROUNDING),
+            _crossed(self.full, reference, epsilon),
         )
 
     def _beginning(
@@ -177,6 +183,20 @@ def run_on(
         at=grid,
         options=RunOptions(stops_at_times=True, max_steps=100_000),
     )
+
+
+def _crossed(flow: Flow, run: Trajectory, epsilon: float) -> list[str]:
+    """The switching functions of the rates that change their signs along the run."""
+    found = switches(flow.rates, flow.states)
+    if not found or not run.status.ok:
+        return []
+    function = compile_function(
+        [switch.surface for switch in found],
+        arguments=flow.states, epsilon=flow.epsilon, parameters=tuple(flow.parameters), calls=flow.calls,
+    )  # fmt: skip
+    signs = np.sign(function(run.y.T, parameter_vector(flow, None if flow.epsilon is None else epsilon)))
+    crossed = (signs.min(axis=0) < 0.0) & (signs.max(axis=0) > 0.0)
+    return [str(switch.surface) for switch, is_crossed in zip(found, crossed) if is_crossed]
 
 
 def _sizes(run: Trajectory, names: Sequence[str]) -> dict[str, float]:

@@ -36,7 +36,8 @@ class Comparison(Drawn, Tabular):
     `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable
     relative to its largest value there, or at any of `epsilons` if the lowest order does not move it; `slopes[N]` is
     the fitted power of epsilon, nan when every error is at rounding (the reduction is exact there); `expected[N]` is
-    N + 1, or min(N, k) + 1 with the start corrected through epsilon^k, k = `correction`. `floor[i]` estimates the
+    N + 1, or min(N, k) + 1 with the start corrected through epsilon^k, k = `correction`; from order 1 on it is None
+    where the full run crosses surfaces on which the field is not smooth, `crossed`. `floor[i]` estimates the
     reference's own error. The same for rival reduced fields of the scene in `claims` and `claim_slopes`. `ending` says
     why the highest orders asked for are left out, where the exact algebra did not reach them. `begins` says where both
     runs begin, where that is not over the slow start.
@@ -46,7 +47,7 @@ class Comparison(Drawn, Tabular):
     epsilons: tuple[float, ...]
     errors: Mapping[int, tuple[float, ...]]
     slopes: Mapping[int, float]
-    expected: Mapping[int, int]
+    expected: Mapping[int, int | None]
     floor: tuple[float, ...]
     statuses: Mapping[int, tuple[Status, ...]]
     claims: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -54,6 +55,7 @@ class Comparison(Drawn, Tabular):
     correction: int | None = None
     ending: str = ""
     begins: str = ""
+    crossed: tuple[str, ...] = ()
 
     def is_exact(self, order: int) -> bool:
         """Whether every error of this order is within the reference's own error."""
@@ -66,7 +68,7 @@ class Comparison(Drawn, Tabular):
     def __str__(self) -> str:
         head = "  order  slope  expected  " + "  ".join(f"{e:>9.3g}" for e in self.epsilons)
         rows = [
-            f"  {n:5d}  {self.slopes[n]:5.2f}  {self.expected[n]:8d}  "
+            f"  {n:5d}  {self.slopes[n]:5.2f}  {'-' if self.expected[n] is None else self.expected[n]:>8}  "
             + "  ".join(f"{e:9.2e}" for e in self.errors[n])
             for n in self.errors
         ]
@@ -85,6 +87,11 @@ class Comparison(Drawn, Tabular):
             f"largest relative error of the reduced run, by {self.scene.system.epsilon or 'epsilon'}; {start}"
         )
         ending = [f"  {self.ending}"] if self.ending else []
+        if self.crossed:
+            places = ", ".join(f"{surface} = 0" for surface in self.crossed)
+            ending.append(
+                f"  from order 1 on no power is expected: the run crosses {places}, where the field is not smooth"
+            )
         return "\n".join([title, head, *rows, *self._missing(), *ending])
 
     def _missing(self) -> list[str]:
@@ -183,7 +190,7 @@ def compare(
     full, slow = (
         (study.system, [x.name for x in study.system.x]) if nesting is None else (nesting.ray, nesting.watched)
     )
-    expected = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
+    powers = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
     runs = ComparedRuns(scene, full, slow, flows, rivals, series, inner, sense(study), nesting)
 
     def measured(origin: Mapping[str, float], begins: str = "") -> Comparison:
@@ -194,13 +201,14 @@ def compare(
         errors = {n: tuple(relative(row.errors[n], size) for row, size in zip(rows, sizes)) for n in flows}
         claimed = {name: tuple(row.claimed[name] for row in rows) for name in rivals}
         highest = max(reached_orders)
-        floor = with_rounding(ladder, errors[highest], [row.floor for row in rows], power=expected[highest])
+        floor = with_rounding(ladder, errors[highest], [row.floor for row in rows], power=powers[highest])
+        crossed = tuple(dict.fromkeys(surface for row in rows for surface in row.crossed))
         return Comparison(
             scene=scene,
             epsilons=ladder,
             errors=MappingProxyType(errors),
             slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
-            expected=MappingProxyType(expected),
+            expected=MappingProxyType({n: None if n and crossed else power for n, power in powers.items()}),
             floor=tuple(floor),
             statuses=MappingProxyType({n: tuple(row.statuses[n] for row in rows) for n in flows}),
             claims=MappingProxyType(claimed),
@@ -208,6 +216,7 @@ def compare(
             correction=correction,
             ending=ending,
             begins=begins,
+            crossed=crossed,
         )
 
     found = measured(study.start)

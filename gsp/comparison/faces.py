@@ -33,7 +33,7 @@ def _table_of_comparison(found: Comparison) -> Table:
         "error": Column(both, np.array([found.errors[n] for n in orders])),
         "status": Column(both, np.array([texts(s.name for s in found.statuses[n]) for n in orders])),
         "slope": Column(each, np.array([found.slopes[n] for n in orders])),
-        "expected": Column(each, np.array([found.expected[n] for n in orders])),
+        "expected": Column(each, numbers(found.expected[n] for n in orders)),
         "exact": Column(each, np.array([found.is_exact(n) for n in orders])),
         "floor": Column(along, np.array(found.floor)),
     }

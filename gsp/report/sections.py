@@ -367,11 +367,17 @@ class Page(Setting):
             for epsilon, status in zip(found.epsilons, statuses)
             if not status.ok
         }
+        if found.crossed:
+            places = ", ".join(f"{surface} = 0" for surface in found.crossed)
+            stopped.add(
+                f"The full run crosses {places}, where the field is not smooth. From order 1 on the error may fall "
+                "with fewer powers."
+            )
         return {
             "orders": list(found.errors),
             "rows": list(zip(found.epsilons, zip(*found.errors.values()), found.floor)),
             "slopes": list(slopes.values()),
-            "expected": [found.expected[n] for n in found.errors],
+            "expected": ["–" if power is None else power for power in found.expected.values()],
             "first": slopes.get(1),
             "stopped": sorted(stopped),
             "cut": self.analysis.cut,

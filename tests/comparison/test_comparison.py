@@ -86,6 +86,28 @@ def test_what_a_correction_alone_moves_has_the_orders_of_the_theorem() -> None:
     assert found.slopes == pytest.approx(found.expected, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("f", "g", "powers"),
+    [
+        (-y / 10, x + sp.sign(x - sp.Rational(7, 10)) / 10 - y, {0: 1, 2: 1}),
+        (-y / 10, x + sp.Abs(x - sp.Rational(7, 10)) / 2 - y, {0: 1, 2: 2}),
+        (-y / 10 - sp.Heaviside(x - sp.Rational(7, 10)) / 5, x - y, {0: 1, 2: 2}),
+    ],
+    ids=["the fast rate jumps", "it has a kink", "the slow rate jumps"],
+)
+def test_no_power_is_expected_of_corrections_past_a_switch(f: sp.Expr, g: sp.Expr, powers: dict) -> None:
+    """Past a jump of g the fast variables are off by O(1) for a time epsilon; past a kink or a jump of f by epsilon."""
+    system = SlowFastSystem(slow={x: f}, fast={y: g}, epsilon=eps)
+    scene = Scene(system, {"x": (0.1, 2)}, {"x": 1, "y": 1}, (0, 6), 0.01)
+    found = compare(scene, orders=(0, 2))
+    assert found.expected == {0: 1, 2: None}
+    assert found.slopes == pytest.approx(powers, abs=0.1)
+    assert "the run crosses x - 7/10 = 0" in str(found)
+    short = compare(replace(scene, span=(0, 1)), orders=(0, 2))
+    assert short.expected == {0: 1, 2: 3}
+    assert short.crossed == ()
+
+
 def test_progress_reaches_one() -> None:
     seen: list[float] = []
     compare(models.load("linear"), orders=(0,), progress=seen.append)
