@@ -50,6 +50,24 @@ def clocks(states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> tuple[Clock
     return tuple(found)
 
 
+def pulse_times(states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> tuple[list[sp.Expr], list[sp.Expr]]:
+    """How long after `states` clocks switch a rate, and reach a peak; of quadratic polynomials and linear ones."""
+
+    def times(clock: Clock, polynomials: tuple[Coefficients, ...]) -> Iterator[sp.Expr]:
+        for p in polynomials:
+            places: list[sp.Expr] = []
+            if len(p) == 2:
+                places = [-p[1] / p[0]]
+            elif len(p) == 3:
+                half, product = -p[1] / (2 * p[0]), p[2] / p[0]
+                root = sp.sqrt(half**2 - product)
+                places = [half - root, half + root] if root != 0 else [half]
+            yield from ((place - states[clock.state]) / clock.rate for place in places)
+
+    found = clocks(states, rates)
+    return [t for c in found for t in times(c, c.switches)], [t for c in found for t in times(c, c.peaks)]
+
+
 def _arguments(rates: Sequence[sp.Expr], clock: sp.Symbol) -> Iterator[sp.Expr]:
     nodes = {node for rate in rates for node in rate.atoms(sp.Function, sp.Pow)}
     for node in sorted(nodes, key=sp.default_sort_key):

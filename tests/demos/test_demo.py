@@ -194,6 +194,46 @@ def test_the_series_agrees_with_python_at_other_parameters_too(name: str, opened
             assert estimates[0, got[2]] <= truncation.GROWN * np.nanmin(estimates)
 
 
+DOSE = """
+[slow]
+x = "PULSE - y/10"
+t = "2"
+[fast]
+y = "x - y"
+[parameters]
+T = 5
+w = 0.001
+[region]
+x = [0, 2]
+t = [0, 10]
+[start]
+x = 0
+y = 0
+t = 1
+[scene]
+epsilon = 0.01
+span = [0, 5]
+"""
+
+
+@pytest.mark.parametrize(
+    ("pulse", "area"),
+    [("(sign(t - T) - sign(t - T - w))/(2*w)", 1.0), ("exp(-((t - T)/w)^2)/w", np.sqrt(np.pi))],
+    ids=["dose", "kick"],
+)
+def test_a_pulse_is_met_in_full_and_reduced_runs(pulse: str, area: float, opened) -> None:
+    page = opened(DOSE.replace("PULSE", pulse))
+    full, reduced = page.run(
+        "const result = model.simulate(settingOf(initialState(data), data), [0]);"
+        "const to = new Float64Array(model.n); const run = result.pieces[0].runs[0]; run.at(run.ended, to);"
+        "return [Array.from(result.full.states.at(-1)), Array.from(to)];"
+    )
+    # The clock is at T after two units of time, and goes by in half of w.
+    expected = 0.5 * area * np.exp(-0.3)
+    assert full[0] == pytest.approx(expected, rel=2e-3)
+    assert reduced[0] == pytest.approx(expected, rel=2e-3)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
 def test_reduced_runs_agree_with_python(name: str, opened) -> None:

@@ -206,8 +206,8 @@ function explicitStepper(field, n) {
   };
 }
 
-// Advance from t0 to t1, which may lie before it. `stop(t, y)` is asked after every step.
-function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop }) {
+// Advance from t0 to t1, which may lie before it. `stop(t, y)` is asked after every step; steps end on the `ends` between.
+function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop, ends = [] }) {
   const n = start.length;
   const sign = t1 >= t0 ? 1 : -1;
   let t = t0;
@@ -217,6 +217,7 @@ function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop }) 
   field(y, rate);
   if (!allFinite(y) || !allFinite(rate)) return { ...run, status: "not finite" };
   if (t0 === t1) return run;
+  const ahead = [...new Set(ends.filter((end) => (end - t0) * (end - t1) < 0)), t1].sort((a, b) => sign * (a - b));
   let h = firstStep(y, rate, Math.abs(t1 - t0), rtol, atol);
   let rejected = false;
   let finite = true;
@@ -226,9 +227,9 @@ function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop }) 
     if (h < 8 * Number.EPSILON * Math.max(Math.abs(t), Math.abs(t1 - t0) * 1e-6)) {
       return { ...run, status: finite ? "too small" : "not finite" };
     }
-    const left = Math.abs(t1 - t);
-    const last = h >= left * (1 - 1e-12);
-    const step = sign * (last ? left : h);
+    const left = Math.abs(ahead[0] - t);
+    const lands = h >= left * (1 - 1e-12);
+    const step = sign * (lands ? left : h);
     const yNew = new Float64Array(n);
     const rows = new Float64Array(3 * n);
     run.attempts++;
@@ -248,16 +249,17 @@ function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop }) 
       rejected = true;
       continue;
     }
-    t = last ? t1 : t + step;
+    t = lands ? ahead.shift() : t + step;
     y = yNew;
     rate = rateNew;
     run.times.push(t);
     run.states.push(y);
     run.dense.push(rows);
-    if (last) return run;
+    if (!ahead.length) return run;
     if (stop && stop(t, y)) return { ...run, status: "stopped" };
     const growth = Math.min(6, Math.max(0.2, SAFETY * Math.pow(Math.max(size, 1e-10), -1 / stepper.order)));
-    h = Math.abs(step) * (rejected ? Math.min(1, growth) : growth);
+    // A step that was cut says nothing against the one that was meant.
+    h = Math.max(lands ? h : 0, Math.abs(step) * (rejected ? Math.min(1, growth) : growth));
     rejected = false;
   }
 }

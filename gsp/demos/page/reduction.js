@@ -70,16 +70,28 @@ function makeModel(data, program) {
     });
   }
 
+  // Where steps end: before and after the jumps that a clock makes, and on the pulses that it makes.
+  function pulsesOf(s) {
+    const { switches, peaks } = model.pulses;
+    const times = new Float64Array(switches + peaks);
+    program.pulses(s.start, constants(s), times);
+    const beside = 16 * Number.EPSILON * Math.max(...s.span.map(Math.abs));
+    return Array.from(times, (time) => s.span[0] + time)
+      .flatMap((time, i) => (i < switches ? [time - beside, time + beside] : [time]));
+  }
+
+  const passing = (s, accuracy) => ({ ...accuracy, ends: pulsesOf(s) });
+
   function explicit(s, accuracy, end) {
     const p = constants(s);
-    return integrateExplicit((z, out) => program.field(z, p, out), s.start, s.span[0], end, accuracy);
+    return integrateExplicit((z, out) => program.field(z, p, out), s.start, s.span[0], end, passing(s, accuracy));
   }
 
   function full(s, accuracy, end = s.span[1]) {
     const p = constants(s);
     return integrateStiff(
       rodas5p, (z, out) => program.field(z, p, out), (z, out) => program.jacobian(z, p, out),
-      s.start, s.span[0], end, accuracy,
+      s.start, s.span[0], end, passing(s, accuracy),
     );
   }
 
@@ -290,7 +302,7 @@ function makeModel(data, program) {
     const start = new Float64Array(nSlow + nDriven);
     start.set(x);
     for (let i = 0; i < nDriven; i++) start[nSlow + i] = run.states[at][nRaw + i];
-    const limits = { ...accuracy, maxSteps: accuracy.reducedSteps, stop };
+    const limits = { ...passing(s, accuracy), maxSteps: accuracy.reducedSteps, stop };
     // A run and its sheet at every node, for the values between them.
     function along(to) {
       near.set(y0);
@@ -319,7 +331,7 @@ function makeModel(data, program) {
       again(to, wanted) {
         const begins = parts[0].states[parts.length > 1 ? parts[0].states.length - 1 : 0];
         near.set(nearest(parts[0], reachedBack));
-        return integrateExplicit(field, begins, reachedBack, to, wanted);
+        return integrateExplicit(field, begins, reachedBack, to, passing(s, wanted));
       },
       // z at time t, on the sheet near y0.
       at(t, out) {
@@ -467,7 +479,8 @@ function makeModel(data, program) {
         for (let j = 0; j < nDriven; j++) out[given.length + j] = moving[nRaw + j];
       };
       const begun = whole ? Float64Array.of(...start, ...z.subarray(nRaw)) : start;
-      const run = integrateExplicit(field, begun, result.layerEnd, s.span[1], { ...accuracy, maxSteps: accuracy.reducedSteps });
+      const run = integrateExplicit(field, begun, result.layerEnd, s.span[1],
+        { ...passing(s, accuracy), maxSteps: accuracy.reducedSteps });
       const state = new Float64Array(begun.length);
       return { name: claim.name, places, run, at: whole ? (t, out) => stateAt(run, t, state) !== null && at(state, out) : null };
     });
