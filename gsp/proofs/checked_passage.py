@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from gsp.proofs.checked_cycle import whole_rate
-from gsp.results.bounds import at_least, at_most
+from gsp.results.bounds import as_given, at_least, at_most
 
 Side = tuple[float, float]
 
@@ -88,7 +88,7 @@ class CheckedPassage:
                 ("leaves through", one.exit, at_least, at_most),
             ):
                 shown = [
-                    f"{n} = {a:.8g}" if a == b else f"{n} from {low(a)} to {high(b)}"
+                    f"{n} = {as_given(a)}" if a == b else f"{n} from {low(a)} to {high(b)}"
                     for n, (a, b) in zip(("z0", "z1"), sides)
                 ]
                 lines.append(f"  {what} {', '.join(shown)}")
@@ -97,7 +97,7 @@ class CheckedPassage:
             early, late = (at_least, at_most) if one.stays_to > one.entry else (at_most, at_least)
             where = "0 <= z1 <= {}" if one.above else "|z1| <= {}"
             lines.append(
-                f"  {up_to} orbits with {where.format(at_least(one.width))} over z0 = {one.entry:.8g} stay so to "
+                f"  {up_to} orbits with {where.format(at_least(one.width))} over z0 = {as_given(one.entry)} stay so to "
                 f"z0 = {early(one.stays_to)}"
             )
             if one.leaves_by is not None:
