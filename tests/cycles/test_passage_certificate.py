@@ -131,6 +131,23 @@ def test_a_section_is_where_the_certificate_says(tmp_path: Path) -> None:
     assert "every orbit through z0 = -1.3333333333333333, z1 from " in str(verify(tmp_path / "p.json"))
 
 
+@pytest.mark.parametrize(
+    ("fast", "sheet", "told"),
+    [
+        ((x - 3) * (y - x), 3, "z1 = x - (3),"),
+        ((x - y**2) * (y - x + y**2) + 2 * y * epsilon, 1, "z1 = x_from_the_sheet,"),
+        (x * (y - x), 0, "z1 = x,"),
+    ],
+)
+def test_the_file_of_a_delay_says_what_its_distance_is(
+    tmp_path: Path, fast: sp.Expr, sheet: int, told: str
+) -> None:
+    """epsilon v' = v k holds of v = x - h_0(y), and of x itself only where h_0 = 0."""
+    branch = gsp.solve_critical(system(R(1), fast)).nearest({"x": sheet, "y": -1})
+    gsp.certify(gsp.entry_exit(branch, start={"y": -1}), epsilon=0.01).save(tmp_path / "p.json")
+    assert told in str(verify(tmp_path / "p.json"))
+
+
 def test_an_entry_is_where_it_was_asked_for() -> None:
     certificate = gsp.certify(fold(), start={"y": 0.612345678912}, epsilon=1e-3)
     assert "every orbit through y = 0.612345678912, x from " in str(certificate)
