@@ -94,7 +94,7 @@ class ProvedStrip:
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         def side(one: float, two: float, offset: Fraction) -> tuple[float, float]:
             if one == two:
-                return (float(Fraction(one) + offset),) * 2
+                return (near := float(Fraction(one) + offset)), near
             c = balls.exact(offset)
             return lower(c + min(one, two)), upper(c + max(one, two))
 
