@@ -281,7 +281,7 @@ def test_rules_assignments_functions_and_local_parameters(tmp_path: Path) -> Non
 
 
 def test_a_function_may_have_any_name_and_arguments_of_that_name(tmp_path: Path) -> None:
-    """f(f) = f^2, ln(k) = 3 k, epsilon(f) = f + 1, whose argument hides a function, and a law called ln."""
+    """f(f) = f^2, epsilon(f) = f + 1, whose argument hides a function, and a law called ln."""
     functions = {"f": "lambda(f, f^2)", "epsilon": "lambda(f, f + 1)"}
     texts = [
         f'<functionDefinition id="{name}">{math(body)}</functionDefinition>' for name, body in functions.items()
