@@ -133,16 +133,19 @@ def proved_delay(
     )  # fmt: skip
 
 
+def exact_sheet(exit: DelayedExit) -> sp.Expr:
+    """h_0(x) with fractions for decimals and for parameters; raises `NoOutline` where it has no formula."""
+    (y,), values = exit.branch.system.y, exit.branch.system.parameters
+    if exit.branch.graph is None:
+        raise NoOutline("the sheet has no formula")
+    return without_decimals(exit.branch.graph[y].xreplace({p: without_decimals(v) for p, v in values.items()}))
+
+
 def delay_field(exit: DelayedExit) -> DelayField:
     """The field in x and v = y - h_0(x), where it is v k exactly; raises `NoOutline`."""
-    system = exit.branch.system
+    system, sheet = exit.branch.system, exact_sheet(exit)
     (x,), (y,) = system.x, system.y
-    graph = exit.branch.graph
-    if graph is None:
-        raise NoOutline("the sheet has no formula")
     f, g, h = exact_rates(system)
-    sheet = graph[y]
-    sheet = without_decimals(sheet.xreplace({p: without_decimals(v) for p, v in system.parameters.items()}))
     beside = {y: sheet + y}
     f = f.xreplace(beside)
     rate = (g + system.epsilon * h).xreplace(beside) - system.epsilon * sp.diff(sheet, x) * f

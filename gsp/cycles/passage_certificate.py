@@ -28,7 +28,7 @@ from gsp.proofs import balls
 from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import written
 from gsp.proofs.verdict import ProofVerdict
-from gsp.results.bounds import at_least, at_most
+from gsp.results.bounds import as_given, at_least, at_most
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.singular.passage.losses_met import Outcome
@@ -57,25 +57,49 @@ class ProvedStrip:
 
     @property
     def entry(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Intervals of the slow and the fast variable on the entry section, rounded inwards."""
+        """Intervals of the slow and the fast variable on the entry section, rounded inwards; one that both ends have in
+        common is the nearest double.
+        """
         return self._section(0, balls.above, balls.below)
 
     @property
     def exit(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Intervals of the slow and the fast variable on the exit section, rounded outwards."""
+        """Intervals of the slow and the fast variable on the exit section, rounded outwards; one that both ends have in
+        common is the nearest double.
+        """
         return self._section(-1, balls.below, balls.above)
+
+    def exactly(self, place: int) -> tuple[str, str]:
+        """What the slow and the fast variable are on the first section (0) or the last (-1), as decimals that stand for
+        doubles, and "" for the one that is an interval.
+        """
+
+        def written(one: float, two: float, offset: Fraction) -> str:
+            value = Fraction(one) + offset
+            if one != two:
+                return ""
+            if Fraction(float(value)) == value:
+                return as_given(float(value))
+            return f"{offset} {'-' if one < 0.0 else '+'} {as_given(abs(one))}"
+
+        x, y = map(written, *self._ends(place), self.origin)
+        return x, y
+
+    def _ends(self, place: int) -> tuple[list[float], list[float]]:
+        outer, inner = (line[place].tolist() for line in (self.strip.outer, self.strip.inner))
+        return outer, inner
 
     def _section(
         self, place: int, lower: Callable[[arb], float], upper: Callable[[arb], float]
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        first, second = (
-            sorted((float(one), float(two)))
-            for one, two in zip(self.strip.outer[place], self.strip.inner[place])
-        )
-        x, y = (balls.exact(c) for c in self.origin)
-        return (
-            (lower(x + first[0]), upper(x + first[1])), (lower(y + second[0]), upper(y + second[1]))
-        )  # fmt: skip
+        def side(one: float, two: float, offset: Fraction) -> tuple[float, float]:
+            if one == two:
+                return (near := float(Fraction(one) + offset)), near
+            c = balls.exact(offset)
+            return lower(c + min(one, two)), upper(c + max(one, two))
+
+        x, y = map(side, *self._ends(place), self.origin)
+        return x, y
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,13 +165,13 @@ class PassageCertificate(ProofUpTo):
         if self.strip is not None:
             one = self.strip
             # Those through less than the entry section come out within more than the exit section.
-            for what, ends, low, high in (
-                ("every orbit through", one.entry, at_most, at_least),
-                ("leaves the strip through", one.exit, at_least, at_most),
+            for what, place, ends, low, high in (
+                ("every orbit through", 0, one.entry, at_most, at_least),
+                ("leaves the strip through", -1, one.exit, at_least, at_most),
             ):
                 places = [
-                    f"{name} = {a:.8g}" if a == b else f"{name} from {low(a)} to {high(b)}"
-                    for name, (a, b) in zip((x, y), ends)
+                    f"{name} = {exact}" if exact else f"{name} from {low(a)} to {high(b)}"
+                    for name, (a, b), exact in zip((x, y), ends, one.exactly(place))
                 ]
                 lines.append(f"  {what} {', '.join(places)}")
             lines.append(
@@ -160,7 +184,7 @@ class PassageCertificate(ProofUpTo):
             one = self.delay
             early, late = (at_least, at_most) if one.grid[-1] > one.grid[0] else (at_most, at_least)
             lines.append(
-                f"  every orbit that is within {at_least(one.width)} of the sheet over {x} = {one.grid[0]:.8g} "
+                f"  every orbit that is within {at_least(one.width)} of the sheet over {x} = {as_given(one.grid[0])} "
                 f"stays so at least to {x} = {early(one.stays_to)}"
             )
             lines.append(
@@ -281,7 +305,7 @@ def _fold_frame(field: EnclosedField, passage: FoldPassage, begin: float) -> Fra
     y = -fast * float(np.sqrt(abs(passage.b / passage.slow_rate[0] * length / passage.a))) / (SHEET - 1)
     for i in range(1, SHEET):
         share = i / (SHEET - 1)
-        at = fold[0] - slow * length * share**2
+        at = begin + (fold[0] - begin) * (1.0 - share**2)
         y *= i / max(i - 1, 1)
         for _ in range(60):
             _, g, _, _, _, slope, *_ = field.nearby([[at, fold[1] + y]], 0.0)[:, 0]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gsp.cycles.cycle_file import accepted, plain_delay, plain_field, plain_strip
+from gsp.cycles.delay import exact_sheet
 from gsp.proofs import passage_checker
+from gsp.singular.passage.delayed_exit import DelayedExit
 from gsp.systems.system import SlowFastSystem
 
 if TYPE_CHECKING:
@@ -18,8 +20,14 @@ def plain(certificate: PassageCertificate) -> dict:
     if strip is not None:
         return _with_strip(system, strip)
     assert delay is not None
+    assert isinstance(certificate.passage, DelayedExit)
     rates = plain_field(system, certificate.sheet_rates)
-    found = {"format": passage_checker.FORMAT, "origin": ["0", "0"], **rates}
+    sheet = exact_sheet(certificate.passage)
+    if not sheet.is_Rational:
+        # What is written is the field of the distance, and no number is taken off y.
+        rates["names"][1] += "_from_the_sheet"
+    origin = ["0", str(sheet) if sheet.is_Rational else "0"]
+    found = {"format": passage_checker.FORMAT, "origin": origin, **rates}
     row = accepted(
         lambda _, room: plain_delay(delay, rates["rates"], room),
         lambda row: passage_checker.check(found | {"delay": row}),

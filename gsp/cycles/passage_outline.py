@@ -35,7 +35,7 @@ SHARES = (0.0, 0.25, 0.5, 0.75, 0.875)
 def fold_strip(field: EnclosedField, frame: Frame, epsilon: float) -> Strip:
     """From the beginning of the frame's sheet to half way up the jump; raises `NoOutline`."""
     outliner = Outliner(field, [frame], epsilon)
-    begin = float(frame.fold[0] - frame.sizes[0])
+    begin = float(frame.sheet[0, 0])
     # Half way up the jump, or up to where the slow rate turns if that comes first.
     level = float(frame.fold[1]) + 0.5 * outliner.way_up(frame)
     lines = []

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from gsp.proofs.lettering import lettered
 from gsp.results.bounds import at_least, at_most
 
 
@@ -65,20 +66,19 @@ class CheckedCycle:
 
     def __str__(self) -> str:
         x, y, small = self.names
+        z, f, g = lettered(self.names, self.rates[0], whole_rate(self.rates))
+        shift = f" - ({self.level})" if self.level else ""
         lines = [
             f"the proof holds: {sum(sum(one.vertices) for one in self.annuli)} edges were checked",
-            f"  of {x}` = {self.rates[0]}, {small} {y}` = {whole_rate(self.rates)}",
-            f"  (z0 = {x}, z1 = {y}, z2 = {small}; ` is the derivative by time)",
+            f"  of {x}` = {f}, {small} {y}` = {g}",
+            f"  ({z}0 = {x}, {z}1 = {y}{shift}, {z}2 = {small}; ` is the derivative by time)",
         ]
-        where = "in an annulus"
-        if self.level is not None:
-            lines.append(f"  with z1 = {y} - ({self.level})")
-            where = "in a strip and the tube of a delay"
+        where = "in an annulus" if self.level is None else "in a strip and the tube of a delay"
         for one in self.annuli:
             what = "just one closed orbit lies, and attracts," if one.unique else "a closed orbit lies"
             lines.append(f"  for every {small} in (0, {at_least(one.epsilon)}] {what} {where}")
             lines.append(f"    its period is from {at_least(one.period[0])} to {at_most(one.period[1])}")
-            shown = self.names if self.level is None else (x, "z1")
+            shown = self.names if self.level is None else (x, f"{z}1")
             for name, ((a, b), (c, d)) in zip(shown, one.sides):
                 lines.append(
                     f"    {name} goes down to between {at_least(a)} and {at_most(b)}, "

@@ -7,7 +7,8 @@ from fractions import Fraction
 from typing import Any
 
 from gsp.proofs.checked_cycle import whole_rate
-from gsp.results.bounds import at_least, at_most
+from gsp.proofs.lettering import lettered
+from gsp.results.bounds import as_given, at_least, at_most
 
 Side = tuple[float, float]
 
@@ -74,13 +75,13 @@ class CheckedPassage:
         x, y, small = self.names
         one = self.found
         rate = whole_rate(self.rates) if isinstance(one, CheckedStrip) else f"z1 ({self.rates[1]})"
+        z, f, g = lettered(self.names, self.rates[0], rate)
+        shift = [f" - ({offset})" if offset else "" for offset in self.origin]
         lines = [
             "the proof holds",
-            f"  of {x}` = {self.rates[0]}, {small} {y}` = {rate}",
-            f"  (z0 = {x}, z1 = {y}, z2 = {small}; ` is the derivative by time)",
+            f"  of {x}` = {f}, {small} {y}` = {g}",
+            f"  ({z}0 = {x}{shift[0]}, {z}1 = {y}{shift[1]}, {z}2 = {small}; ` is the derivative by time)",
         ]
-        if any(self.origin):
-            lines.append(f"  with z0 = {x} - ({self.origin[0]}), z1 = {y} - ({self.origin[1]})")
         up_to = f"for every {small} in (0, {at_least(one.epsilon)}]"
         if isinstance(one, CheckedStrip):
             for what, sides, low, high in (
@@ -88,18 +89,18 @@ class CheckedPassage:
                 ("leaves through", one.exit, at_least, at_most),
             ):
                 shown = [
-                    f"{n} = {a:.8g}" if a == b else f"{n} from {low(a)} to {high(b)}"
-                    for n, (a, b) in zip(("z0", "z1"), sides)
+                    f"{n} = {as_given(a)}" if a == b else f"{n} from {low(a)} to {high(b)}"
+                    for n, (a, b) in zip((f"{z}0", f"{z}1"), sides)
                 ]
                 lines.append(f"  {what} {', '.join(shown)}")
             lines.append(f"    after a slow time from {at_least(one.time[0])} to {at_most(one.time[1])}")
         else:
             early, late = (at_least, at_most) if one.stays_to > one.entry else (at_most, at_least)
-            where = "0 <= z1 <= {}" if one.above else "|z1| <= {}"
+            where = f"0 <= {z}1" if one.above else f"|{z}1|"
             lines.append(
-                f"  {up_to} orbits with {where.format(at_least(one.width))} over z0 = {one.entry:.8g} stay so to "
-                f"z0 = {early(one.stays_to)}"
+                f"  {up_to} orbits with {where} <= {at_least(one.width)} over {z}0 = {as_given(one.entry)} stay so to "
+                f"{z}0 = {early(one.stays_to)}"
             )
             if one.leaves_by is not None:
-                lines.append(f"    those that begin at this bound have left by z0 = {late(one.leaves_by)}")
+                lines.append(f"    those that begin at this bound have left by {z}0 = {late(one.leaves_by)}")
         return "\n".join(lines)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from gsp.proofs.lettering import lettered
 from gsp.results.bounds import at_least, at_most, shown_sides
 
 
@@ -62,14 +63,17 @@ class CheckedTube:
     def __str__(self) -> str:
         over, n = (*self.slow, *self.parameters), len(self.series) - 1
         box = shown_sides(dict(zip(over, self.region)))
-        legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.variables))
+        z, *rates = lettered(self.variables, *self.rates)
+        _, *equations = lettered(self.variables, *self.equations)
+        series = [lettered(self.variables, *row)[1:] for row in self.series]
+        legend = ", ".join(f"{z}{i} = {name}" for i, name in enumerate(self.variables))
         rows = [
             f"the proof holds: {self.boxes} boxes were checked",
             f"  over {box}, for every {self.small} in (0, {at_least(self.epsilon)}]",
-            f"  of {', '.join(f'{name}` = {rate}' for name, rate in zip(self.slow, self.rates))},",
-            f"  {', '.join(f'{self.small} {name}` = {rate}' for name, rate in zip(self.fast, self.equations))}",
+            f"  of {', '.join(f'{name}` = {rate}' for name, rate in zip(self.slow, rates))},",
+            f"  {', '.join(f'{self.small} {name}` = {rate}' for name, rate in zip(self.fast, equations))}",
             f"  ({legend}; ` is the derivative by time)",
-            *(f"  h_{k} = ({', '.join(row)})" for k, row in enumerate(self.series)),
+            *(f"  h_{k} = ({', '.join(row)})" for k, row in enumerate(series)),
             *(
                 f"  |{name} - h| <= {at_most(reach)} {self.small}^{n + 1} on the graph of a Lipschitz map"
                 for name, reach in zip(self.fast, self.reach)

@@ -18,6 +18,7 @@ from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
 from gsp.proofs.interval_matrices import dot, is_positive, solved
 from gsp.proofs.intervals import Interval
+from gsp.proofs.lettering import lettered
 from gsp.proofs.programs import IntervalProgram, Rejected
 from gsp.results.bounds import as_given, at_least, shown_sides
 
@@ -58,11 +59,12 @@ class Checked:
 
     def __str__(self) -> str:
         box = shown_sides(dict(zip(self.names, self.region)))
-        legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.names))
+        z, *equations = lettered(self.names, *self.equations)
+        legend = ", ".join(f"{z}{i} = {name}" for i, name in enumerate(self.names))
         rows = [
             f"the proof holds: {self.boxes} boxes were checked",
             f"  over {box}",
-            f"  one smooth branch of {', '.join(f'{e} = 0' for e in self.equations)} ({legend})",
+            f"  one smooth branch of {', '.join(f'{e} = 0' for e in equations)} ({legend})",
             f"  {self.stable} stable and {self.unstable} unstable eigenvalues, "
             f"at least {at_least(self.gap)} from the imaginary axis",
         ]

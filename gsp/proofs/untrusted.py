@@ -79,11 +79,11 @@ def signs(rows: Any, length: int, what: str, of: str) -> list[int]:
 
 
 def names(texts: Any) -> tuple[str, ...]:
-    """A list of names: each once, and no character in it that moves a terminal's cursor."""
+    """A list of names: each once, and a word, so that a sentence says nothing else with it."""
     if not isinstance(texts, list) or not all(isinstance(name, str) and len(name) <= 200 for name in texts):
         raise Rejected("names are a list of text")
-    if not all(name and name.isprintable() for name in texts):
-        raise Rejected(f"names are printable. Got {str(texts)[:60]!r}")
+    if not all(name.isidentifier() for name in texts):
+        raise Rejected(f"names are words. Got {str(texts)[:60]!r}")
     if len(set(texts)) != len(texts):
         raise Rejected(f"every name stands once. Got {str(texts)[:60]!r}")
     return tuple(texts)

@@ -29,6 +29,10 @@ _IMPORT = re.compile(r"\bimport\b", re.IGNORECASE)
 # A comment to the end of its line, before which nothing opens or closes a text or a longer comment.
 _COMMENT = re.compile(r"""[^"'*]*(?://|\#)[^"'*]*""")
 _NUMBER = re.compile(r"(?<![\w.])(\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+# What is no statement, what assigns, and a number with a word behind it.
+_UNREAD = re.compile(r"""//[^\n]*|\#[^\n]*|/\*.*?\*/|"[^"]*"|```.*?```|'''.*?'''""", re.DOTALL)
+_ASSIGNS = re.compile(r"=(?!>)")
+_WITH_WORD = re.compile(rf"((?>{_NUMBER.pattern}))[A-Za-z_]\w*")
 
 _CHILD = f"""
 import json, sys
@@ -72,6 +76,13 @@ def read_antimony(text: str) -> ForeignModel:
         if not (0 < float(found[0]) < math.inf) and found[1].strip("0."):
             raise ModelFileError(
                 f"no double holds the number {found[0][:60]}.", "Use one from 1e-300 to 1e300."
+            )
+    for statement in re.split(r"[;\n]", _UNREAD.sub("", text)):
+        equals = _ASSIGNS.search(statement)
+        if equals and (found := _WITH_WORD.search(statement, equals.end())):
+            raise ModelFileError(
+                f"the library reads {found[0][:60]} as {found[1]} in a unit of its own.",
+                "Write numbers as 0.001 or 1e-3, and a blank before a unit.",
             )
     answer = converted(text)
     model = read_sbml(answer["sbml"], origin="an Antimony file")

@@ -11,7 +11,7 @@ import sympy as sp
 
 from gsp.errors import ModelFileError
 from gsp.readers.conditions import POSITIVE
-from gsp.readers.expressions import RESERVED
+from gsp.readers.expressions import FUNCTIONS, RESERVED
 from gsp.readers.foreign import ForeignModel, counted, free_name
 from gsp.readers.sbml_math import Mathematics, decimal, names_in
 from gsp.readers.sbml_values import Values, exact, fraction_text
@@ -19,6 +19,8 @@ from gsp.readers.sbml_values import Values, exact, fraction_text
 # SBML does not say for how long a model runs.
 TOTAL = "10"
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+# ln is no name of a definition.
+_TAKEN = RESERVED | FUNCTIONS.keys()
 
 
 class Quantities:
@@ -27,7 +29,7 @@ class Quantities:
     def __init__(self, source: Any, libsbml: Any, origin: str) -> None:
         self.source = source
         self.result = ForeignModel(origin, total=TOTAL)
-        self.taken: set[str] = set(RESERVED)
+        self.taken: set[str] = set(_TAKEN)
         # An identifier's word, and what stands for its value in rates where that is not its word: a definition.
         self.words: dict[str, str] = {}
         self.standing: dict[str, str] = {}
@@ -83,7 +85,7 @@ class Quantities:
             self.references,
         )
         own = [identifier for table in tables for identifier in table]
-        plain = {identifier for identifier in own if _WORD.fullmatch(identifier)} - RESERVED
+        plain = {identifier for identifier in own if _WORD.fullmatch(identifier)} - _TAKEN
         self.taken |= plain
         renamed = []
         for identifier in own:
@@ -244,9 +246,9 @@ class Quantities:
             raise ModelFileError(
                 f"the function {identifier} has no mathematics.", "Give it some, or remove it."
             )
-        for name in set(names_in(body)) & self.functions.keys():
-            self.define_function(name, (*path, identifier))
         arguments = [function.getArgument(i).getName() for i in range(function.getNumArguments())]
+        for name in (set(names_in(body)) & self.functions.keys()).difference(arguments):
+            self.define_function(name, (*path, identifier))
         local = {name: self.new(name if _WORD.fullmatch(name) else "x") for name in arguments}
         found = self.written.whole(body, local)
         if found.is_condition:

@@ -334,9 +334,11 @@ def _names_small(document: dict, tables: dict[str, dict]) -> bool:
     """Whether a file with [states] says that it has a small parameter: by its name, its value, or the usual name."""
     if "epsilon" in document or not tables["scene"].keys().isdisjoint(("epsilon", "epsilons")):
         return True
-    declared = set().union(
-        *(tables[kind] for kind in ("parameters", "states", "reconstruction", "definitions"))
-    )
+    declared = {
+        head.partition("(")[0].strip()
+        for kind in ("parameters", "states", "reconstruction", "definitions")
+        for head in tables[kind]
+    }
     texts = [
         text for kind in ("states", "definitions") for text in tables[kind].values() if isinstance(text, str)
     ]

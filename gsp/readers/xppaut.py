@@ -301,8 +301,7 @@ def _expression(number: int, text: str, helpers: Helpers, order: tuple[str, ...]
             text = without_conditions(text, positive=lambda: helpers.name("positive"))
     except RecursionError:
         fail(number, "an expression is nested too deeply", "Remove parentheses.")
-    text = helpers.with_jumps(text)
-    return re.sub(r"(?<![a-z0-9_.])log10\s*\(", "(1/log(10))*log(", text)
+    return helpers.written(text)
 
 
 def _is_chain(text: str) -> bool:

@@ -15,6 +15,7 @@ _JUMP_OF_NUMBERS = re.compile(rf"(?<![a-z0-9_.])(mod|flr)\s*\({_NUMBER}(?:,{_NUM
 # is as near below a whole number as rounding may be, of a million periods, is on it.
 HELPERS = {
     "positive": (("u",), POSITIVE),
+    "log10": (("u",), "log(u)/log(10)"),
     "near": (("u",), "(1 + atan(tan(pi*u - 1)))/pi"),
     "flr": (("u",), "u - near(u) - (1 - sign(near(u) + 1e-9))/2"),
     "rest": (("u", "w"), "u - w*flr(u/w)"),
@@ -43,10 +44,10 @@ class Helpers:
             self._definitions[head] = WORDS.sub(lambda match: own.get(match[0], match[0]), body)
         return self._made[word]
 
-    def with_jumps(self, text: str) -> str:
-        """An expression with helpers for `mod` and `flr`, or their values where they are of numbers."""
+    def written(self, text: str) -> str:
+        """An expression with helpers for `mod`, `flr` and `log10`, or their values where they are of numbers."""
         text = _JUMP_OF_NUMBERS.sub(_worked_out, text)
-        return re.sub(r"(?<![a-z0-9_.])(mod|flr)(?=\s*\()", lambda match: self.name(match[1]), text)
+        return re.sub(r"(?<![a-z0-9_.])(mod|flr|log10)(?=\s*\()", lambda match: self.name(match[1]), text)
 
 
 def _worked_out(found: re.Match[str]) -> str:

@@ -14,7 +14,7 @@ from gsp.comparison.survey import HORIZON
 from gsp.cycles.cycle_certificate import CycleCertificate, ProvedAnnulus
 from gsp.cycles.passage_certificate import PassageCertificate
 from gsp.report.wording import number, words
-from gsp.results.bounds import at_least, at_most
+from gsp.results.bounds import as_given, at_least, at_most
 from gsp.results.mathml import Typesetter
 from gsp.singular.singularities.folded_singularities import FoldedSingularity
 from gsp.systems.system import SlowFastSystem
@@ -172,11 +172,12 @@ def _passage(passage: PassageCertificate | None, setter: Typesetter) -> Markup:
         # Those through less than the entry section come out within more than the exit section.
         sections = [
             Markup(", ").join(
-                _within(name, ends, low, high, setter) for name, ends in zip(passage.names, section)
+                _within(name, ends, exact, low, high, setter)
+                for name, ends, exact in zip(passage.names, section, passage.strip.exactly(place))
             )
-            for section, low, high in (
-                (passage.strip.entry, at_most, at_least),
-                (passage.strip.exit, at_least, at_most),
+            for place, section, low, high in (
+                (0, passage.strip.entry, at_most, at_least),
+                (-1, passage.strip.exit, at_least, at_most),
             )
         ]
         least, most = passage.strip.turn.period
@@ -196,7 +197,7 @@ def _passage(passage: PassageCertificate | None, setter: Typesetter) -> Markup:
     return Markup(
         "Proved: {} each orbit within {} of the branch at {} = {} stays so at least to {} = {}, past where the branch "
         "has lost its stability{}."
-    ).format(up_to, at_least(delay.width), x, number(float(delay.grid[0]), 8), x, early(delay.stays_to), left)
+    ).format(up_to, at_least(delay.width), x, as_given(delay.grid[0]), x, early(delay.stays_to), left)
 
 
 def _up_to(system: SlowFastSystem, epsilon: float, setter: Typesetter) -> Markup:
@@ -206,11 +207,12 @@ def _up_to(system: SlowFastSystem, epsilon: float, setter: Typesetter) -> Markup
 def _within(
     name: str,
     ends: tuple[float, float],
+    exact: str,
     low: Callable[[float], str],
     high: Callable[[float], str],
     setter: Typesetter,
 ) -> Markup:
     symbol = setter.inline(sp.Symbol(name))
-    if ends[0] == ends[1]:
-        return Markup("{} = {}").format(symbol, number(ends[0], 8))
+    if exact:
+        return Markup("{} = {}").format(symbol, exact)
     return Markup("{} from {} to {}").format(symbol, low(ends[0]), high(ends[1]))

@@ -100,12 +100,17 @@ def _exact_numbers(expression: sp.Expr, seen: set[sp.Basic]) -> sp.Expr:
     """`expression` with exact numbers for floats, and real symbols; `seen` are parts known to be so, and gets more."""
     new = new_parts(expression, seen)
     rule: dict[sp.Basic, sp.Basic] = {part: exact(part) for part in new if isinstance(part, sp.Float)}
-    # Evaluated, SymPy writes Abs(exp(x)) as exp(re(x)).
-    rule |= {part: part.args[0] for part in new if isinstance(part, sp.re) and part.args[0].is_Symbol}
+    # Evaluated, SymPy writes Abs(exp(x**2)) as exp(re(x)**2 - im(x)**2).
+    rule |= {part: _of_real_symbols(part) for part in new if isinstance(part, (sp.re, sp.im))}
     if rule:
         return expression.xreplace(rule)
     seen |= new
     return expression
+
+
+def _of_real_symbols(part: sp.Expr) -> sp.Expr:
+    real = {symbol: sp.Dummy(symbol.name, real=True) for symbol in part.free_symbols}
+    return part.xreplace(real).xreplace({dummy: symbol for symbol, dummy in real.items()})
 
 
 _NOT_FINITE = frozenset({sp.nan, sp.zoo, sp.oo, -sp.oo})

@@ -117,6 +117,42 @@ def test_a_fold_is_passed_up_to_a_bound_that_is_found() -> None:
     assert "every orbit through y = 0.6" in str(found)
 
 
+def test_a_section_is_where_the_certificate_says(tmp_path: Path) -> None:
+    """1/3 and the start are no sum of doubles: the section is told in a number that it is at exactly."""
+    found = system(R(1), (y - R(1, 3)) * x - x**3 + epsilon)
+    sheet = gsp.solve_critical(found).nearest({"x": 0, "y": -1})
+    certificate = gsp.certify(gsp.entry_exit(sheet, start={"y": -1}), epsilon=0.01)
+    assert certificate.strip is not None
+    (begin, end), (low, high) = certificate.strip.entry
+    assert begin == end == pytest.approx(-1)
+    assert low < high
+    assert "every orbit through y = 1/3 - 1.3333333333333333, x from " in str(certificate)
+    certificate.save(tmp_path / "p.json")
+    assert "every orbit through z0 = -1.3333333333333333, z1 from " in str(verify(tmp_path / "p.json"))
+
+
+@pytest.mark.parametrize(
+    ("fast", "sheet", "told"),
+    [
+        ((x - 3) * (y - x), 3, "z1 = x - (3),"),
+        ((x - y**2) * (y - x + y**2) + 2 * y * epsilon, 1, "z1 = x_from_the_sheet,"),
+        (x * (y - x), 0, "z1 = x,"),
+    ],
+)
+def test_the_file_of_a_delay_says_what_its_distance_is(
+    tmp_path: Path, fast: sp.Expr, sheet: int, told: str
+) -> None:
+    """epsilon v' = v k holds of v = x - h_0(y), and of x itself only where h_0 = 0."""
+    branch = gsp.solve_critical(system(R(1), fast)).nearest({"x": sheet, "y": -1})
+    gsp.certify(gsp.entry_exit(branch, start={"y": -1}), epsilon=0.01).save(tmp_path / "p.json")
+    assert told in str(verify(tmp_path / "p.json"))
+
+
+def test_an_entry_is_where_it_was_asked_for() -> None:
+    certificate = gsp.certify(fold(), start={"y": 0.612345678912}, epsilon=1e-3)
+    assert "every orbit through y = 0.612345678912, x from " in str(certificate)
+
+
 def test_a_cut_is_above_the_repelling_sheet() -> None:
     """Half way up to where the slow rate turns, the line that leaves the sheet first is still below the other sheet."""
     eaten = x / (R(3, 10) + x)

@@ -146,6 +146,18 @@ def test_a_small_parameter_of_which_something_is_worked_out_is_one(tmp_path: Pat
     assert str(gsp.take_small(scene, parameter="k1").system.epsilon) == "k1"
 
 
+@pytest.mark.parametrize("number", ["1d-3", "1.5D2", "0x10", "0b101", "1e3f", "1_000", "2*1e", "3ml"])
+def test_a_number_with_a_word_behind_it_is_refused(tmp_path: Path, number: str) -> None:
+    """The library takes 0x10 for 0 in a unit x10, and 1d-3 for 1 - 3."""
+    with pytest.raises(ModelFileError, match="in a unit of its own"):
+        read(tmp_path, f"x' = -k*x; x = 1; k = {number}")
+
+
+def test_numbers_are_read_beside_units_and_species(tmp_path: Path) -> None:
+    text = "A + 2B => 3C; k*A*B; A = 1; B = 2.e0; C = 0  // k=0x10\nk = 5e-1 ml /* or\nk = 3d2 */"
+    assert read(tmp_path, text).system.parameters[sp.Symbol("k")] == sp.Rational(1, 2)
+
+
 @pytest.mark.parametrize("number", ["1e400", "1e-400", "123e400"])
 def test_a_number_that_no_double_holds_is_refused(tmp_path: Path, number: str) -> None:
     """The library takes its exponent for a unit."""

@@ -68,6 +68,16 @@ def test_definitions_are_written_out_where_they_are_used(tmp_path: Path) -> None
     assert sp.expand(fast - (drive - v - (w * (2 * v - 2) - (2 * v - 2)))) == 0
 
 
+def test_a_function_called_epsilon_is_no_small_parameter(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(
+        '[definitions]\n"epsilon(u)" = "u^2"\n[states]\nx = "-epsilon(x)"\n[start]\nx = 1\n[scene]\nspan = [0, 1]'
+    )
+    system = gsp.load(path).system
+    assert system.epsilon is None
+    assert system.rates == (-(sp.Symbol("x") ** 2),)
+
+
 def test_an_argument_is_its_own_function_s_alone(tmp_path: Path) -> None:
     slow, _ = rates(read(tmp_path, '"f(u)" = "u + g(2*u)"\n"g(u)" = "u^2"', slow="f(w) + v"))
     v, w = sp.symbols("v w")

@@ -280,6 +280,21 @@ def test_rules_assignments_functions_and_local_parameters(tmp_path: Path) -> Non
     assert dict(scene.start) == {"x": 0.8, "z": 2.0, "A": 1.0, "t": 0.0}
 
 
+def test_a_function_may_have_any_name_and_arguments_of_that_name(tmp_path: Path) -> None:
+    """f(f) = f^2, epsilon(f) = f + 1, whose argument hides a function, and a law called ln."""
+    functions = {"f": "lambda(f, f^2)", "epsilon": "lambda(f, f + 1)"}
+    texts = [
+        f'<functionDefinition id="{name}">{math(body)}</functionDefinition>' for name, body in functions.items()
+    ]
+    text = document(
+        functionDefinitions="".join(texts),
+        species=species("x", "2a"),
+        reactions=reaction("ln", "x", "", "f(x) + epsilon(f(x))"),
+    )
+    x = sp.Symbol("x")
+    assert sp.expand(rates(scene_of(tmp_path, text))["x"] + (2 * x**2 + 1) / 2) == 0
+
+
 def test_a_concentration_changes_with_its_compartment(tmp_path: Path) -> None:
     scene = scene_of(
         tmp_path,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import subprocess
@@ -191,6 +192,22 @@ def test_right_hand_sides_are_those_of_xppaut(path: Path, tmp_path: Path) -> Non
     assert theirs.shape[0] == STEPS + 1
     np.testing.assert_allclose(theirs[:, 1 : 1 + len(names)], ours[:, : len(names)], rtol=3e-7, atol=1e-9)
     assert np.abs(ours[-1] - ours[0]).max() > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("formula", "meaning"),
+    [
+        ("1/log10(x+98)", lambda x: 1 / math.log10(x + 98)),
+        ("y/log10(x)*3", lambda x: 0.1 / math.log10(x) * 3),
+        ("x^log10(x+98)", lambda x: x ** math.log10(x + 98)),
+        ("-log10(x)^2", lambda x: -(math.log10(x) ** 2)),
+    ],
+)
+def test_the_decimal_logarithm_is_held_together(tmp_path: Path, formula: str, meaning) -> None:
+    (value,) = read(tmp_path, f"aux q={formula}").system.observables.values()
+    assert float(value.xreplace({sp.Symbol("x"): 2, sp.Symbol("y"): sp.Rational(1, 10)})) == pytest.approx(
+        meaning(2)
+    )
 
 
 @pytest.mark.parametrize(

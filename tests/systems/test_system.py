@@ -212,8 +212,11 @@ def test_floats_in_rates_and_parameters_become_fractions() -> None:
 
 
 def test_sizes_of_exponentials_are_those_of_real_symbols() -> None:
-    """SymPy writes |exp(x)| as exp(re(x))."""
-    assert VectorField({x: -sp.Abs(sp.exp(x - y)), y: y}).rates[0] == -sp.exp(x - y)
+    """SymPy writes |exp(x**2)| as exp(re(x)**2 - im(x)**2)."""
+    rates = {x: -sp.Abs(sp.exp(x - y)), y: sp.Abs(sp.exp(-a * x**2)) + sp.Abs(2 ** sp.sin(x * y))}
+    assert VectorField(rates, parameters={a: 1}).rates == (
+        -sp.exp(x - y), sp.exp(-a * x**2) + 2 ** sp.sin(x * y)
+    )  # fmt: skip
 
 
 def test_states_are_slow_then_fast_and_rates_carry_the_pole() -> None:
