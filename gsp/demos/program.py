@@ -12,7 +12,7 @@ from typing import Any
 
 import sympy as sp
 
-from gsp.algebra.clocks import pulse_times
+from gsp.algebra.clocks import clocks
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
 from gsp.demos.javascript import function, operations
@@ -58,8 +58,11 @@ def program_of(study: Study, more: Mapping[sp.Symbol, sp.Expr] | None = None) ->
         "field": function("field", list(flow.rates), full),
         "jacobian": function("jacobian", list(jacobian(flow.rates, flow.states)), full),
     }
-    switches, peaks = pulse_times(flow.states, flow.rates)
-    functions["pulses"] = function("pulses", [*switches, *peaks], full)
+    ticking = clocks(flow.states, flow.rates)
+    numbers = [
+        number for c in ticking for number in (c.rate, *(n for z in (*c.switches, *c.peaks) for n in z.numbers))
+    ]
+    functions["pulses"] = function("pulses", numbers, full)
     shown: dict[sp.Symbol, sp.Expr] = {s: s for s in flow.states}
     parts: dict[str, Any] = {
         "states": [s.name for s in scene.system.states],
@@ -67,7 +70,17 @@ def program_of(study: Study, more: Mapping[sp.Symbol, sp.Expr] | None = None) ->
         "epsilon": None if epsilon is None else epsilon.name,
         "parameters": [s.name for s in scene.system.parameters],
         "values": [float(value) for value in scene.system.parameters.values()],
-        "pulses": {"switches": len(switches), "peaks": len(peaks)},
+        "pulses": [
+            {
+                "state": c.state,
+                "zeros": [
+                    {"jumps": jumps, "wave": z.is_wave, "numbers": len(z.numbers)}
+                    for jumps, of in ((True, c.switches), (False, c.peaks))
+                    for z in of
+                ],
+            }
+            for c in ticking
+        ],
     }
     claims = []
     for i, (name, rates) in enumerate(scene.claims.items()):

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from gsp.integration.members import Members
+from gsp.lowering.compiled_clock import places_within
 from gsp.lowering.compiled_flow import CompiledFlow
 
 # A clock's sum over a run's steps is off by so many roundings; a step ends so far before a jump and so far after it.
@@ -28,7 +29,7 @@ def stops_of(grid: np.ndarray | None, first: float, last: float, others: Iterabl
 
 
 def stops_of_members(
-    compiled: CompiledFlow, members: Members, grid: np.ndarray | None, first: float, last: float
+    compiled: CompiledFlow, members: Members, grid: np.ndarray | None, first: float, last: float, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The stops of all members in one array, and where those of each begin and end in it (m, 2)."""
     if not compiled.clocks:
@@ -37,7 +38,7 @@ def stops_of_members(
     known: dict[tuple[float, ...], tuple[int, int]] = {}
     parts, spans, end = [], np.empty((len(members), 2), np.int64), 0
     for i, (p, y) in enumerate(zip(members.constants, members.starts)):
-        others = tuple(clock_stops(compiled, tuple(p.tolist()), y, first, last))
+        others = tuple(clock_stops(compiled, tuple(p.tolist()), y, first, last, most))
         if others not in known:
             parts.append(stops_of(grid, first, last, others))
             known[others] = end, end + parts[-1].size
@@ -47,16 +48,20 @@ def stops_of_members(
 
 
 def clock_stops(
-    compiled: CompiledFlow, p: tuple[float, ...], y: Sequence[float], first: float, last: float
+    compiled: CompiledFlow, p: tuple[float, ...], y: Sequence[float], first: float, last: float, most: int
 ) -> list[float]:
-    """Times at which functions of clocks switch, one just before and one just after, or peak, in any order."""
+    """Times at which functions of clocks switch, one just before and one just after, or peak, in any order.
+
+    There are none of a wave of which more than `most` periods pass, a step for each of which is too many.
+    """
     found: list[float] = []
     for clock in compiled.clocks:
         now, (rate, switches, peaks) = float(y[clock.state]), clock.places(p)
         if not 0.0 < abs(rate) < float("inf"):
             continue
-        found += [first + (place - now) / rate for place in peaks]
-        for place in switches:
+        low, high = sorted((now, now + rate * (last - first)))
+        found += [first + (place - now) / rate for place in places_within(peaks, low, high, most)]
+        for place in places_within(switches, low, high, most):
             time = first + (place - now) / rate
             apart = ROUNDING * max(abs(first), abs(last), abs(place / rate), abs(now / rate))
             found += [time - apart, time + apart]

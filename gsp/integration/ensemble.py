@@ -259,7 +259,7 @@ def integrate_many(
     solver.give_loops(program)
     # Addresses are asked for here: two threads would compile twice.
     control = (float(rtol), float(atol), limit)
-    stops = stops_of_members(compiled, members, None if reads else grid, first, last)
+    stops = stops_of_members(compiled, members, None if reads else grid, first, last, limit)
     shared = solver.corrects, program, members.constants.copy(), first, stops, t.copy(), control
     watched = None
     if flow.is_reduced:

@@ -368,7 +368,7 @@ def trajectory_of(
     reads = (
         grid is not None and compiled_events is None and not stops_at_times and compiled.expressions.is_smooth
     )
-    places = clock_stops(compiled, p, y, first, last) if compiled.clocks else ()
+    places = clock_stops(compiled, p, y, first, last, control.max_steps) if compiled.clocks else ()
     landed = None if reads else grid
     stops = (last,) if landed is None and not places else stops_of(landed, first, last, places)
     looks = ALONE if returns_partial else NOBODY

@@ -1,9 +1,10 @@
-"""A clock's rate and the places where functions of it switch or peak, for values of the parameters."""
+"""The places where functions of a clock switch or peak, for values of the parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import islice
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -15,40 +16,63 @@ from gsp.lowering.compiled_function import CompiledFunction
 PARTED = float(np.sqrt(np.finfo(float).eps))
 
 
-class Places(NamedTuple):
-    """The clock's `rate`, and its values where a rate has a kink or a jump, and where a smooth function peaks."""
+class Wave(NamedTuple):
+    """The places `first` + k `period` for every whole k."""
 
-    rate: float
-    switches: tuple[float, ...]
-    peaks: tuple[float, ...]
+    first: float
+    period: float
+
+
+Places = tuple[float | Wave, ...]
 
 
 class CompiledClock:
-    """A clock with a `function` for its rate and all its coefficients in order; the flow has `size` states."""
+    """A clock with a `function` for its rate and all numbers of its zeros in order; the flow has `size` states."""
 
     def __init__(self, clock: Clock, function: CompiledFunction, size: int) -> None:
         self.state = clock.state
         self._clock, self._function, self._size = clock, function, size
-        self._last: tuple[tuple[float, ...], Places] | None = None
+        self._last: tuple[tuple[float, ...], tuple[float, Places, Places]] | None = None
 
-    def places(self, p: tuple[float, ...]) -> Places:
-        """The places for p = (epsilon, *parameters); those of the last p are kept."""
+    def places(self, p: tuple[float, ...]) -> tuple[float, Places, Places]:
+        """The clock's rate, and where rates switch and functions peak, for p = (epsilon, *parameters)."""
         last = self._last
         if last is None or last[0] != p:
-            # Neither the rate nor a coefficient depends on the states.
+            # Neither the rate nor a number depends on the states.
             rate, *numbers = self._function(np.zeros(self._size), p).tolist()
             rest = iter(numbers)
             switches, peaks = (
-                tuple(root for polynomial in of for root in _real_roots(list(islice(rest, len(polynomial)))))
+                tuple(chain.from_iterable(_roots(list(islice(rest, len(z.numbers))), z.is_wave) for z in of))
                 for of in (self._clock.switches, self._clock.peaks)
             )
-            last = self._last = p, Places(rate, switches, peaks)
+            last = self._last = p, (rate, switches, peaks)
         return last[1]
 
 
-def _real_roots(coefficients: Sequence[float]) -> list[float]:
-    """The real roots of a polynomial, the highest coefficient first; both of a pair that rounding has parted."""
-    if not np.isfinite(coefficients).all():
+def places_within(places: Iterable[float | Wave], low: float, high: float, most: int) -> Iterator[float]:
+    """The places from `low` to `high`; of a wave none where these are more than `most`."""
+    for place in places:
+        if not isinstance(place, Wave):
+            yield place
+        elif high - low <= most * place.period:
+            begin, end = ((bound - place.first) / place.period for bound in (low, high))
+            yield from (place.first + k * place.period for k in range(math.ceil(begin), math.floor(end) + 1))
+
+
+def _roots(numbers: Sequence[float], is_wave: bool) -> list[float] | list[Wave]:
+    """The real roots, of a pair that rounding has parted both."""
+    if not np.isfinite(numbers).all():
         return []
-    roots = np.roots(coefficients)
-    return roots.real[np.abs(roots.imag) <= PARTED * np.abs(roots)].tolist()
+    if not is_wave:
+        roots = np.roots(numbers)
+        return roots.real[np.abs(roots.imag) <= PARTED * np.abs(roots)].tolist()
+    slope, phase, sine, cosine, constant = numbers
+    size = math.hypot(sine, cosine)
+    if slope == 0.0 or not abs(constant) <= size or size == 0.0:
+        return []
+    # sine sin + cosine cos = size cos(angle - middle).
+    middle, beside = math.atan2(sine, cosine), math.acos(-constant / size)
+    return [
+        Wave((angle - phase) / slope, abs(2.0 * math.pi / slope))
+        for angle in dict.fromkeys((middle - beside, middle + beside))
+    ]

@@ -160,10 +160,11 @@ class CompiledFlow:
     @_made_once
     def clocks(self) -> tuple[CompiledClock, ...]:
         """The states of constant rate of which the rates hold functions that switch or peak."""
-        return tuple(
-            CompiledClock(clock, self._compiled([clock.rate, *chain(*clock.switches, *clock.peaks)]), self.size)
-            for clock in clocks(self.expressions.states, self.expressions.rates)
-        )
+        found = []
+        for clock in clocks(self.expressions.states, self.expressions.rates):
+            numbers = chain.from_iterable(zeros.numbers for zeros in (*clock.switches, *clock.peaks))
+            found.append(CompiledClock(clock, self._compiled([clock.rate, *numbers]), self.size))
+        return tuple(found)
 
     @_made_once
     def observables(self) -> CompiledFunction:

@@ -8,14 +8,15 @@ from gsp.algebra.clocks import clocks
 x, t, w = sp.symbols("x t w")
 
 
-def places(function: sp.Expr) -> tuple[set, set]:
-    """The zeros of the polynomials for `function` in the rate of x, beside a clock t."""
+def polynomials(function: sp.Expr) -> tuple[set, set]:
+    """The real zeros of the polynomials for `function` in the rate of x, beside a clock t."""
     (clock,) = clocks((x, t), (function - x, sp.S.One))
     assert clock.state == 1
-    return tuple(
-        {root for p in of for root in sp.Poly(p, t).all_roots(multiple=True) if root.is_real}
+    switches, peaks = (
+        {root for z in of for root in sp.Poly(z.numbers, t).all_roots(multiple=True) if root.is_real}
         for of in (clock.switches, clock.peaks)
-    )  # pyright: ignore[reportReturnType]
+    )
+    return switches, peaks
 
 
 @pytest.mark.parametrize(
@@ -32,11 +33,27 @@ def places(function: sp.Expr) -> tuple[set, set]:
     ids=str,
 )
 def test_switches_and_peaks_of_functions_of_a_clock(function: sp.Expr, switches: set, peaks: set) -> None:
-    assert places(function) == (switches, peaks)
+    assert polynomials(function) == (switches, peaks)
 
 
 @pytest.mark.parametrize(
-    "function", [sp.cos(t), t**3 * x, sp.Piecewise((1, t > x), (0, True)), sp.exp(sp.sin(t))], ids=str
+    ("function", "switches", "peaks"),
+    [
+        (sp.sign(sp.sin(3 * t + w) - w), [(3, w, 1, 0, -w)], []),
+        (sp.exp(2 * sp.cos(t)), [], [(1, 0, 0, 2, 0), (1, 0, -2, 0, 0)]),
+        (sp.Heaviside(sp.sin(t) + 2 * sp.cos(t) - 1, 0), [(1, 0, 1, 2, -1)], []),
+        (sp.floor(t / 24), [(sp.pi / 24, 0, 1, 0, 0)], []),
+    ],
+    ids=str,
+)
+def test_switches_and_peaks_of_waves_of_a_clock(function: sp.Expr, switches: list, peaks: list) -> None:
+    (clock,) = clocks((x, t), (function - x, sp.S.One))
+    assert [z.numbers for z in clock.switches if z.is_wave] == switches
+    assert [z.numbers for z in clock.peaks if z.is_wave] == peaks
+
+
+@pytest.mark.parametrize(
+    "function", [sp.cos(t), t**3 * x, sp.Piecewise((1, t > x), (0, True)), sp.sign(t * sp.sin(t))], ids=str
 )
 def test_what_switches_with_the_states_or_varies_all_along_has_no_places(function: sp.Expr) -> None:
     assert clocks((x, t), (function - x, sp.S.One)) == ()

@@ -234,6 +234,20 @@ def test_a_pulse_is_met_in_full_and_reduced_runs(pulse: str, area: float, opened
     assert reduced[0] == pytest.approx(expected, rel=2e-3)
 
 
+def test_a_train_of_pulses_is_met_in_full_and_reduced_runs(opened) -> None:
+    page = opened(DOSE.replace("PULSE", "exp((cos(2*pi*(t - T)/3) - 1)/w)"))
+    full, reduced = page.run(
+        "const result = model.simulate(settingOf(initialState(data), data), [0]);"
+        "const to = new Float64Array(model.n); const run = result.pieces[0].runs[0]; run.at(run.ended, to);"
+        "return [Array.from(result.full.states.at(-1)), Array.from(to)];"
+    )
+    # A pulse of the area w^(1/2) 3/(2 pi)^(1/2) in t, half of it in time, at t = 2, 5, 8 and 11, where the run ends.
+    area = 0.5 * 3 * np.sqrt(0.001 / (2 * np.pi)) * (1 + 0.001 / 8)
+    expected = area * (np.exp(-0.45) + np.exp(-0.3) + np.exp(-0.15) + 0.5)
+    assert full[0] == pytest.approx(expected, rel=5e-3)
+    assert reduced[0] == pytest.approx(expected, rel=5e-3)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
 def test_reduced_runs_agree_with_python(name: str, opened) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.special import ive
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import Status
@@ -54,6 +55,24 @@ def test_the_clock_is_read_off_its_own_start_and_rate() -> None:
     half = np.interp(0.5 * run["x"][-1], run["x"], run.t)
     assert half == pytest.approx(7 + 105 / 2, abs=1e-2)
     assert run["x"][-1] == pytest.approx(np.sqrt(np.pi) / 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", Method)
+def test_no_pulse_of_a_train_is_missed(method: Method) -> None:
+    """Ten doses, and ten smooth ones, in ten days: from rest to rest."""
+    angle, level = 2 * sp.pi * t / 24, sp.Rational(999, 1000)
+    dose = sp.pi / (24 * sp.acos(level)) * (1 + sp.sign(sp.cos(angle) - level)) / 2
+    smooth = sp.exp(1000 * (sp.cos(angle) - 1)) / 24
+    field = VectorField(states={x: dose, y: smooth, t: 1}, epsilon=None)
+    run = integrate(field, start={"x": 0, "y": 0, "t": 12}, span=(0, 240), method=method)
+    assert run["x"][-1] == pytest.approx(10, rel=1e-6)
+    assert run["y"][-1] == pytest.approx(10 * ive(0, 1000.0), rel=1e-6)
+
+
+def test_a_wave_of_more_periods_than_steps_has_no_stops() -> None:
+    field = VectorField(states={x: sp.sign(sp.sin(10**9 * t)) - x, t: 1}, epsilon=None)
+    run = integrate(field, start={"x": 0, "t": 0}, span=(0, 10), max_steps=500)
+    assert run.status is Status.TOO_MANY_STEPS
 
 
 def test_members_of_an_ensemble_meet_their_own_pulses_as_single_runs_do() -> None:

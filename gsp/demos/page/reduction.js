@@ -71,16 +71,26 @@ function makeModel(data, program) {
   }
 
   // Where steps end: before and after the jumps that a clock makes, and on the pulses that it makes.
-  function pulsesOf(s) {
-    const { switches, peaks } = model.pulses;
-    const times = new Float64Array(switches + peaks);
-    program.pulses(s.start, constants(s), times);
-    const beside = 16 * Number.EPSILON * Math.max(...s.span.map(Math.abs));
-    return Array.from(times, (time) => s.span[0] + time)
-      .flatMap((time, i) => (i < switches ? [time - beside, time + beside] : [time]));
+  function pulsesOf(s, most) {
+    const [first, last] = s.span;
+    const beside = 16 * Number.EPSILON * Math.max(Math.abs(first), Math.abs(last));
+    const values = new Float64Array(model.pulses.reduce((sum, { zeros }) => zeros.reduce((m, z) => m + z.numbers, sum + 1), 0));
+    program.pulses(s.start, constants(s), values);
+    let next = 0;
+    return model.pulses.flatMap(({ state, zeros }) => {
+      const rate = values[next++];
+      const now = s.start[state];
+      return zeros.flatMap(({ jumps, wave, numbers }) => {
+        const given = Array.from(values.subarray(next, (next += numbers)));
+        const ends = [now, now + rate * (last - first)].sort((a, b) => a - b);
+        const places = wave ? zerosOfWave(given, ...ends, most) : zerosOfPolynomial(given);
+        const times = places.map((place) => first + (place - now) / rate);
+        return jumps ? times.flatMap((t) => [t - beside, t + beside]) : times;
+      });
+    });
   }
 
-  const passing = (s, accuracy) => ({ ...accuracy, ends: pulsesOf(s) });
+  const passing = (s, accuracy) => ({ ...accuracy, ends: pulsesOf(s, accuracy.maxSteps) });
 
   function explicit(s, accuracy, end) {
     const p = constants(s);
