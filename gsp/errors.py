@@ -248,7 +248,7 @@ class Status(Enum):
     TOO_MANY_STEPS = (
         EndKind.FAILED,
         "the allowed number of steps was used up",
-        "raise max_steps, loosen rtol, or use a stiff method",
+        "raise max_steps or loosen rtol",
     )
     TOO_MANY_POINTS = (
         EndKind.FAILED,

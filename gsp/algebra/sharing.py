@@ -89,6 +89,10 @@ class SharedProduct(_Shared, sp.Mul):
 
     __slots__ = ("_digest", "_symbols")
 
+    def as_base_exp(self) -> tuple[Expr, Expr]:
+        # SymPy looks for a common exponent of all factors, and for one of their factors.
+        return self, sp.S.One
+
 
 class SharedPower(_Shared, sp.Pow):
     """A power as it stands."""

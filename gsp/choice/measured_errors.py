@@ -37,7 +37,7 @@ def measured_errors(
         if c.order is None or (c.order and not c.follows):
             continue
         try:
-            start = study.base_point(c.order)
+            start = study.slow_start(c.order)
         except GspError:
             # The series of the layer ends before this order: it has no place to begin.
             continue

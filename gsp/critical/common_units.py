@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gsp.critical.layer_problem import NOTHING, LayerProblem, natural_scales
 from gsp.systems.region import Interval, powers_of_two
 from gsp.systems.system import SlowFastSystem
+
+if TYPE_CHECKING:
+    from gsp.critical.branch import Branch
 
 
 def common_units(system: SlowFastSystem, points: np.ndarray, more: np.ndarray | tuple[()] = ()) -> np.ndarray:
@@ -24,6 +28,14 @@ def common_units(system: SlowFastSystem, points: np.ndarray, more: np.ndarray | 
     if ((sizes >= low) & (sizes < high)).all() and ((others >= low) & (others < high)).all():
         return np.ones(len(sizes) + len(others))
     return powers_of_two(np.concatenate([own_sizes(system, sizes, above=0.0), others]))
+
+
+def sized(branch: Branch, y: np.ndarray) -> np.ndarray:
+    """Points `y` (m, n) of M0, those of a fast variable that is 0 at all of them by the size that the branch has of it.
+
+    M0 does not tell how large a slip is, of which friction leaves none; the region of a scene does.
+    """
+    return np.where((y == 0.0).all(axis=0), branch.scales[1], y) if branch.units else y
 
 
 def own_sizes(

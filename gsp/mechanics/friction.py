@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -11,7 +11,6 @@ from typing import Any, cast, overload
 import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
-from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.mechanics.algebra import Algebra, Matrix, entries
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
@@ -25,7 +24,6 @@ from gsp.mechanics.slow_momenta import SlowMomenta, geometric_splitting, slow_mo
 from gsp.mechanics.velocity_forms import read_constraints
 from gsp.scenes.scene import Scene
 from gsp.sliding.law import switch_law
-from gsp.slow.series import expand
 from gsp.splitting.splitting import Splitting
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Values
@@ -91,22 +89,27 @@ class FrictionSystem(SlippingSystem):
     def slip_defect(self) -> tuple[sp.Expr, ...]:
         """h_1 + B^-1 lambda (k,) in the slow variables: zeros, for w = -epsilon B^-1 lambda + O(epsilon^2).
 
-        h_1 comes from the series of the slow manifold, lambda from the Lagrange-d'Alembert equations (9).
+        h_1 = -g_w^-1 g_epsilon on w = 0 is the first term of the slow manifold of `standard_form`, lambda comes from
+        the Lagrange-d'Alembert equations (9).
         """
-        branch = solve_critical(self.standard_form).branches[0]
-        first = expand(branch, order=1).coefficients[1]
-        on_critical = {z: e.xreplace(self._equations.zeros) for z, e in self.splitting.inverse.items()}
+        system, standard, zeros = self.system, self.standard_form, self._equations.zeros
+        still, slow = {**zeros, self.epsilon: sp.Integer(0)}, {**zeros, self.epsilon: sp.Integer(1)}
+        # Without differentiation, which takes longer than all else: g is linear in w where epsilon = 0, and in epsilon.
+        slopes = sp.Matrix([[g.xreplace({**still, w: sp.Integer(1)}) for w in standard.y] for g in standard.g])
+        pushes = [g.xreplace(slow) for g in standard.g]
+        on_critical = {z: e.xreplace(zeros) for z, e in self.splitting.inverse.items()}
         multipliers: list[Any] = [e.xreplace(on_critical) for e in self.limit.reduced_multipliers]
-        system = self.system
         algebra = Algebra(
-            (*system.coordinates, *system.clock, *self.standard_form.x),
+            (*system.coordinates, *system.clock, *standard.x),
             tuple(system.values),
-            [*multipliers, *first, *entries(self.damping)],
+            [*multipliers, *slopes, *pushes, *entries(self.damping)],
         )
-        slip = algebra.apply(
-            algebra.inverse(algebra.matrix(self.damping)), [algebra.read(e) for e in multipliers]
-        )
-        return tuple(algebra.write(algebra.read(h) + s) for h, s in zip(first, slip))
+
+        def solved(matrix: sp.MatrixBase, side: Iterable[sp.Expr]) -> list[RingElement]:
+            return algebra.apply(algebra.inverse(algebra.matrix(matrix)), [algebra.read(e) for e in side])
+
+        pairs = zip(solved(self.damping, multipliers), solved(slopes, pushes))
+        return tuple(algebra.write(slip - first) for slip, first in pairs)
 
     # -- parts -------------------------------------------------------------------------------------
 

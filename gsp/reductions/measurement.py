@@ -137,7 +137,7 @@ def timed_together(scene: Scene, found: Mapping[Reduction, Study]) -> list[Reduc
 
 def _trial(reduction: Reduction, study: Study, rtol: float) -> Trial:
     """A run of the reduced flow over the span, to be timed; one is made here, so that its code is built."""
-    flow, start = study.reduced(reduction.order, reconstructed=False), study.base_point(reduction.order)
+    flow, start = study.reduced(reduction.order, reconstructed=False), study.slow_start(reduction.order)
 
     def again() -> Trajectory:
         return run_model(flow, start, study.scene, study.scene.span, rtol)

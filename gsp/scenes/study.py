@@ -272,6 +272,11 @@ class Study(Card):
             ("base point", order, epsilon), lambda: base_point_of(self.inner(order + 2), epsilon, order)
         )
 
+    def slow_start(self, order: int) -> dict[str, float]:
+        """Where a reduced flow of `order` without reconstruction begins: the slow variables at `base_point`."""
+        base = self.base_point(order)
+        return {x.name: base[x.name] for x in self.system.x}
+
     def spent(self, *key: Hashable) -> float:
         """Seconds that the stages took whose key begins so, without those they rest on."""
         return sum(s for k, s in self._kept.seconds.items() if k[: len(key)] == key)

@@ -99,7 +99,7 @@ class Flights:
             place = {
                 **self._system.parameters,
                 switch.epsilon: sp.S.Zero,
-                **{sp.Symbol(n): v for n, v in point.items()},
+                **{s: point[s.name] for s in switch.value.free_symbols if s.name in point},
             }
             found[switch.state.name] = float(switch.value.xreplace(place))
         return {s.name: found[s.name] for s in self._states}

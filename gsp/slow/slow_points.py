@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gsp.critical.branch import Branch
-from gsp.critical.common_units import common_units
+from gsp.critical.common_units import common_units, sized
 from gsp.errors import DeclarationError, Status
 from gsp.kernels import slow_points as kernel
 from gsp.kernels.addresses import JET
@@ -122,7 +122,7 @@ def zero_derivative(
     if not np.isfinite(array).all():
         raise DeclarationError("x must be finite.", got=array[~np.isfinite(array).all(axis=1)][0])
     start = np.atleast_2d(branch.points(array, near=near))
-    units = common_units(branch.system, np.hstack([array, start]))
+    units = common_units(branch.system, np.hstack([array, sized(branch, start)]))
     own, (x_units, y_units) = branch.moved_into(units), np.split(units, [len(system.x)])
     y, orders, errors, codes, jets = climb(
         write_tape(own.system),

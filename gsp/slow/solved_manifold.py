@@ -15,7 +15,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.branch import Branch
-from gsp.critical.common_units import common_units
+from gsp.critical.common_units import common_units, sized
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
@@ -114,7 +114,8 @@ class _Work:
         self.verdict = verdict
         self.system = branch.system
         intervals = np.array([box[s.name] for s in self.system.x])
-        self.units = common_units(branch.system, _spread(branch, intervals))
+        x, y = _spread(branch, intervals)
+        self.units = common_units(branch.system, np.hstack([x, sized(branch, y)]))
         self.x_units, self.y_units = np.split(self.units, [len(self.system.x)])
         self.branch = branch.moved_into(self.units)
         self.intervals = intervals / self.x_units[:, None]
@@ -351,13 +352,13 @@ class _Work:
         return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z * self.units))
 
 
-def _spread(sheet: Branch, intervals: np.ndarray) -> np.ndarray:
-    """Points (m, n) of the sheet spread over the box, NaN where it has none."""
+def _spread(sheet: Branch, intervals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points x (m, n_slow) spread over the box, and y (m, n_fast) of the sheet over them, NaN where it has none."""
     x = nodes(intervals, [FIRST_SIZE[len(intervals)]] * len(intervals)).reshape(-1, len(intervals))
     if sheet.is_explicit:
-        return np.hstack([x, sheet.graph_values(x, allow_complex=True)])
+        return x, sheet.graph_values(x, allow_complex=True)
     y, good = sheet.follow(x)
-    return np.hstack([x, np.where(good[:, None], y, np.nan)])
+    return x, np.where(good[:, None], y, np.nan)
 
 
 def _sheet(branch: Branch, box: Mapping[str, Interval]) -> Branch:

@@ -399,11 +399,10 @@ def _new_symbols(field: VectorField, integrals: Sequence[sp.Expr]) -> list[sp.Sy
 
 
 def _evaluated(mapping: Mapping[sp.Symbol, sp.Expr], values: Mapping[str, float], field: VectorField):
-    given = {sp.Symbol(name): value for name, value in values.items()}
     symbols = sorted({s for e in mapping.values() for s in e.free_symbols} - set(field.parameters), key=str)
-    missing = [s.name for s in symbols if s not in given]
+    missing = [s.name for s in symbols if s.name not in values]
     if missing:
         raise DeclarationError(f"no value for {', '.join(missing)}.", "Give each a number.", got=dict(values))
     function = compile_function(tuple(mapping.values()), arguments=symbols, parameters=tuple(field.parameters))
-    numbers = function(np.array([given[s] for s in symbols], dtype=float), compile_flow(field).constants)
+    numbers = function(np.array([values[s.name] for s in symbols], dtype=float), compile_flow(field).constants)
     return {symbol.name: float(number) for symbol, number in zip(mapping, numbers)}

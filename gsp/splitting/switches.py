@@ -142,8 +142,13 @@ def with_fast(
     """Values by name of the states before with those of the fast variables, eliminated states left out."""
     found = dict(values)
     for switch in switches:
-        place = {**parameters, switch.epsilon: epsilon, **{sp.Symbol(name): v for name, v in found.items()}}
-        missing = sorted(str(s) for s in switch.surface.free_symbols - place.keys())
+        unknown = switch.surface.free_symbols
+        place = {
+            **parameters,
+            switch.epsilon: epsilon,
+            **{s: found[s.name] for s in unknown if s.name in found},
+        }
+        missing = sorted(str(s) for s in unknown - place.keys())
         if missing:
             raise DeclarationError(
                 f"no value for {', '.join(missing)}.", "Give each a number.", got=dict(values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.sharing import DEEP, is_shared, largest, named_parts, plus, times
+from gsp.algebra.sharing import DEEP, is_shared, largest, named_parts, plus, reciprocal, times
 from gsp.lowering.compiled_function import compile_function
 
 x, y = sp.symbols("x y")
@@ -49,3 +49,12 @@ def test_the_largest_of_what_is_shared_is_made_and_valued_without_walking_it() -
     compiled = compile_function([largest(y, doubled)], arguments=[x, y])
     points = np.array([[1.0, 3.0], [-1.0, 3.0], [1.0, 2.0**61]])
     assert compiled(points, [np.nan])[:, 0].tolist() == [2.0**60, 3.0, 2.0**61]
+
+
+def test_a_product_of_quotients_of_what_is_deep_is_compiled_without_walking_it() -> None:
+    deep = x
+    for _ in range(600):
+        deep = plus([times(deep, y), y])
+    compiled = compile_function([times(y, times(reciprocal(deep), reciprocal(deep)))], arguments=[x, y])
+    # With y = 1/2 each is half of the one before and 1/2.
+    assert compiled(np.array([[1.0, 0.5]]), [np.nan])[0, 0] == 0.5

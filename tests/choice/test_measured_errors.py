@@ -53,6 +53,14 @@ def test_nothing_is_measured_in_the_layer_nor_of_an_order_that_does_not_follow()
     assert set(measured_errors(study, [untold(0), leaves], ["x"], LAYER)) == {0}
 
 
+def test_the_error_is_the_same_where_a_scene_reconstructs() -> None:
+    place = replace(SCENE, reconstruction={sp.Symbol("q"): y})
+    (own,), (alone,) = (
+        measured_errors(study_of(s), [untold(0)], ["x"], LAYER).values() for s in (place, SCENE)
+    )
+    assert own == pytest.approx(alone)
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 0.2])
 def test_only_what_serves_takes_the_place_of_what_is_not_told(tolerance: float) -> None:
     forecast = forecast_of(replace(SCENE, tolerance=tolerance), (0,))

@@ -10,6 +10,7 @@ import sympy as sp
 
 from gsp.errors import Status
 from gsp.integration.explanations import LOST, explain
+from gsp.integration.methods import Method
 from gsp.integration.reduction_end.endings import begins
 from gsp.integration.restriction import real_or_nan
 from gsp.integration.trajectory import integrate
@@ -106,3 +107,11 @@ def test_growth_that_is_no_power_is_not_told_as_one() -> None:
     run = integrate(field, start={"x": 0, "y": 1}, span=(0, 3))
     assert not run.status.ok
     assert "y grows" not in run.message
+
+
+def test_a_stiff_method_that_runs_out_of_steps_is_not_told_to_be_one() -> None:
+    # x slides on the jump of its rate from t = 4/5 on.
+    field = VectorField({x: -sp.sign(x) - sp.Rational(1, 4)}, epsilon=None)
+    run = integrate(field, start={"x": 1}, span=(0, 3), method=Method.RADAU13, max_steps=2000)
+    assert run.status is Status.TOO_MANY_STEPS
+    assert "stiff" not in run.message

@@ -192,6 +192,27 @@ def test_the_slip_is_minus_epsilon_times_the_damped_multiplier(name: str) -> Non
 
 
 @pytest.mark.exhaustive
+def test_the_slip_is_known_where_the_series_is_too_long_to_be_written() -> None:
+    L = (
+        (1 + x**2) * xdot**2 + (2 + cos(y)) * ydot**2 + phidot**2 * (1 + x * y / 5) ** 2 + xdot * ydot * x / 3
+    ) / 2
+    system = LagrangianSystem(L - x**2 * y, [x, y, phi], [xdot, ydot, phidot])
+    friction = with_friction(system, [phidot - y * xdot + x**2 * ydot], epsilon=epsilon)
+    assert friction.slip_defect() == (0,)
+    assert gsp.expand(gsp.solve_critical(friction.standard_form).branches[0], order=1).is_program
+
+
+@pytest.mark.parametrize("name", ["sleigh", "damped sleigh", "driven"])
+def test_the_series_begins_with_the_slip_that_the_multiplier_tells(name: str) -> None:
+    system = SYSTEMS[name]()
+    branch = gsp.solve_critical(system.standard_form).branches[0]
+    (first,) = gsp.expand(branch, order=1).coefficients[1]
+    on_critical = {z: e.xreplace({w: 0}) for z, e in system.splitting.inverse.items()}
+    (multiplier,) = (e.xreplace(on_critical) for e in system.limit.reduced_multipliers)
+    assert sp.simplify(first + multiplier / system.damping[0]) == 0
+
+
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["sleigh", "damped sleigh", "ball", "disc", "turned disc"])
 def test_friction_dissipates_exactly_the_rayleigh_function_twice(name: str) -> None:
     system = SYSTEMS[name]()

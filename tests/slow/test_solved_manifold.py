@@ -619,3 +619,22 @@ def test_normal_rates_of_another_type_on_the_surface_are_told_with_their_place()
         assert (found.status is Status.HYPERBOLICITY_LOST) is is_lost
         assert np.isnan(found.evaluate(0.7)).all() == is_lost
     assert "change their type on the slow manifold, at u = " in found.message
+
+
+@pytest.mark.parametrize("size", [2.0**-10, 2.0**20])
+def test_what_rests_at_zero_has_the_size_that_its_region_tells(size: float) -> None:
+    def branch(unit: float):
+        a = sp.Rational(unit)
+        rest = -y * (1 + x**2) + epsilon * a * sp.sin(3 * x)
+        system = SlowFastSystem(slow={x: -x + y / a}, fast={y: rest}, epsilon=epsilon)
+        found = solve_critical(system).branches[0]
+        return found.in_own_units(np.array([1.0, 0.0]), {"x": (0, 2), "y": (-2 * unit, 2 * unit)})
+
+    known = zero_derivative(branch(1.0), [[1.3]], epsilon=0.02)
+    found = zero_derivative(branch(size), [[1.3]], epsilon=0.02)
+    solved = solve_manifold(branch(size), region={"x": (0, 2)}, epsilon=0.02, tolerance=1e-8)
+    assert found.status.ok
+    assert found.y / size == pytest.approx(known.y, rel=1e-10)
+    assert solved.status.ok
+    assert solved.error_estimate < 1e-8 * size
+    assert solved.evaluate([[1.3]]) / size == pytest.approx(known.y, rel=1e-6)

@@ -425,6 +425,13 @@ def test_values_are_carried_there_and_back_by_name() -> None:
         result.to_new({"x": 1.0})
 
 
+def test_values_are_carried_whatever_is_assumed_of_the_symbols() -> None:
+    u, v = sp.Symbol("u", positive=True), sp.Symbol("v", real=True)
+    result = split(field({u: (v - u) / eps, v: (u - v) / eps - v}))
+    values = {"u": 0.25, "v": -1.5}
+    assert result.to_raw(result.to_new(values)) == values
+
+
 def test_non_smooth_fields_are_split_like_others() -> None:
     result = split(field({x: (sp.Abs(y) - x) / eps, y: (x - sp.Abs(y)) / eps + 1}))
     assert result.coordinates[result.system.x[0]] == x + y

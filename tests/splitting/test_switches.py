@@ -99,6 +99,12 @@ def test_values_need_every_state_of_the_surface() -> None:
         with_fast(switches, {"x": 1.0}, 0.1, {})
 
 
+def test_values_are_known_by_name_whatever_is_assumed_of_the_symbols() -> None:
+    place, speed = sp.Symbol("x", positive=True), sp.Symbol("u", real=True)
+    field = declared({place: speed, speed: -place + sp.tanh((V - speed) / eps)})
+    assert split(field).to_new({"x": 1.0, "u": 0.25}, epsilon=0.1)["v"] == pytest.approx(-0.5)
+
+
 def test_a_switch_in_a_standard_form_is_refused_with_the_remedy() -> None:
     with pytest.raises(DeclarationError, match=r"a switch on V - u = 0.*Declare a VectorField"):
         SlowFastSystem(slow={x: sp.tanh(slip)}, fast={u: x - u}, epsilon=eps, parameters={V: 1})

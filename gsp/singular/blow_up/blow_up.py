@@ -112,7 +112,7 @@ class BlowUp(Card):
     def __str__(self) -> str:
         place = ", ".join(f"{n} = {v if v.is_Rational else sp.N(v, 10)}" for n, v in self.point.items())
         lines = [f"blow-up of the nilpotent point {place}"]
-        names = [name for name, form in self.coordinates.items() if form != sp.Symbol(name)]
+        names = [name for name, form in self.coordinates.items() if str(form) != name]
         lines += [
             f"  {name} stands for {self.coordinates[name]} to first order, from the point on" for name in names
         ]
