@@ -6,16 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.switching_functions import switches
 from gsp.errors import Status
 from gsp.integration.loop import remedy_of
 from gsp.integration.run_array import RunRecord
 from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.flow import Flow
 
 # A backward run whose fast directions grow by more than e to this has lost every digit.
 LOST = 36.0
 # A solution that has grown this much, by a power law that three of its points agree on, is blowing up.
 GROWN = 1e3
+# So many last steps tell that a run slides.
+LAST = 32
 _FAILED = (Status.NON_FINITE, Status.STEP_TOO_SMALL, Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN)
 
 
@@ -40,6 +45,12 @@ def explain(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Explan
     backward = _backward(flow, p, record, last)
     if backward is not None:
         return backward
+    slides = None if status is Status.NON_FINITE else _sliding(flow, p, record)
+    if slides is not None:
+        return Explanation(
+            f"the field jumps at {slides} = 0 and points there from both sides: the run slides along it",
+            "give the fields of both sides to PiecewiseField, and run_piecewise follows the one that slides",
+        )
     if status in (Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN):
         return Explanation("", remedy_of(status, stats))
     return Explanation(_pole(flow, p, record), status.remedy)
@@ -62,6 +73,27 @@ def _backward(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Expl
         "no integrator can follow that: integrate forward from an earlier start, or restrict() the system to its slow "
         "manifold and run that backward",
     )
+
+
+def _sliding(flow: Flow, p: np.ndarray, record: RunRecord) -> str | None:
+    """The switching function of the rates about whose zeros the last steps go to and fro."""
+    found, states = switches(flow.rates, flow.states), record.states[-LAST:]
+    if not found or len(states) < LAST:
+        return None
+    surfaces = [switch.surface for switch in found]
+    slopes = [derivative(surface, state) for surface in surfaces for state in flow.states]
+    function = compile_function(
+        [*surfaces, *slopes],
+        arguments=flow.states, epsilon=flow.epsilon, parameters=tuple(flow.parameters), calls=flow.calls,
+    )  # fmt: skip
+    values, normals = np.split(function(states, p), [len(surfaces)], axis=1)
+    rates = compile_flow(flow).rates(states, p)
+    for i, surface in enumerate(surfaces):
+        side = np.sign(values[:, i])
+        towards = np.einsum("mj,mj->m", normals.reshape(len(states), len(surfaces), -1)[:, i], rates)
+        if side.min() < 0.0 < side.max() and (side * towards <= 0.0).all():
+            return str(surface)
+    return None
 
 
 def _pole(flow: Flow, p: np.ndarray, record: RunRecord) -> str:

@@ -16,7 +16,7 @@ from gsp.integration.restriction import real_or_nan
 from gsp.integration.trajectory import integrate
 from gsp.systems.system import SlowFastSystem, VectorField
 
-x, y, eps = sp.symbols("x y epsilon")
+x, y, v, eps = sp.symbols("x y v epsilon")
 NO_PARAMETERS = np.array([np.nan])
 
 
@@ -115,3 +115,26 @@ def test_a_stiff_method_that_runs_out_of_steps_is_not_told_to_be_one() -> None:
     run = integrate(field, start={"x": 1}, span=(0, 3), method=Method.RADAU13, max_steps=2000)
     assert run.status is Status.TOO_MANY_STEPS
     assert "stiff" not in run.message
+
+
+@pytest.mark.parametrize(
+    ("rates", "start", "surface"),
+    [
+        ({x: -sp.sign(x) - sp.Rational(1, 4)}, {"x": 1}, "x"),
+        ({x: v, v: -x - sp.sign(v) / 2}, {"x": 2, "v": 0}, "v"),
+        ({x: v, v: 10 - 20 * sp.Heaviside(v - 3, 0)}, {"x": 0, "v": 0}, "v - 3"),
+    ],
+    ids=["a sink", "dry friction", "a governor"],
+)
+def test_a_run_that_slides_along_a_jump_is_told_so(rates: dict, start: dict, surface: str) -> None:
+    run = integrate(VectorField(states=rates, epsilon=None), start=start, span=(0, 20), max_steps=3000)
+    assert run.status in (Status.TOO_MANY_STEPS, Status.STEP_TOO_SMALL)
+    assert f"jumps at {surface} = 0 and points there from both sides" in run.message
+    assert "run_piecewise" in run.message
+
+
+def test_a_run_that_crosses_jumps_until_its_steps_are_used_up_is_not_said_to_slide() -> None:
+    field = VectorField(states={x: v, v: -sp.sign(x)}, epsilon=None)
+    run = integrate(field, start={"x": 1, "v": 0}, span=(0, 1e4), max_steps=500)
+    assert run.status is Status.TOO_MANY_STEPS
+    assert "both sides" not in run.message
