@@ -17,7 +17,7 @@ from gsp.fibres.inner_expansion import InnerExpansion
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.nested.nesting import Nesting
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
@@ -190,10 +190,7 @@ def _crossed(flow: Flow, run: Trajectory, epsilon: float) -> list[str]:
     found = switches(flow.rates, flow.states)
     if not found or not run.status.ok:
         return []
-    function = compile_function(
-        [switch.surface for switch in found],
-        arguments=flow.states, epsilon=flow.epsilon, parameters=tuple(flow.parameters), calls=flow.calls,
-    )  # fmt: skip
+    function = compile_over(flow, tuple(switch.surface for switch in found))
     signs = np.sign(function(run.y.T, parameter_vector(flow, None if flow.epsilon is None else epsilon)))
     crossed = (signs.min(axis=0) < 0.0) & (signs.max(axis=0) > 0.0)
     return [str(switch.surface) for switch, is_crossed in zip(found, crossed) if is_crossed]

@@ -12,7 +12,7 @@ from gsp.errors import Status
 from gsp.integration.loop import remedy_of
 from gsp.integration.run_array import RunRecord
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.systems.flow import Flow
 
 # A backward run whose fast directions grow by more than e to this has lost every digit.
@@ -82,11 +82,7 @@ def _sliding(flow: Flow, p: np.ndarray, record: RunRecord) -> str | None:
         return None
     surfaces = [switch.surface for switch in found]
     slopes = [derivative(surface, state) for surface in surfaces for state in flow.states]
-    function = compile_function(
-        [*surfaces, *slopes],
-        arguments=flow.states, epsilon=flow.epsilon, parameters=tuple(flow.parameters), calls=flow.calls,
-    )  # fmt: skip
-    values, normals = np.split(function(states, p), [len(surfaces)], axis=1)
+    values, normals = np.split(compile_over(flow, (*surfaces, *slopes))(states, p), [len(surfaces)], axis=1)
     rates = compile_flow(flow).rates(states, p)
     for i, surface in enumerate(surfaces):
         side = np.sign(values[:, i])
