@@ -126,6 +126,7 @@ def compile_over(
         arguments=flow.states if arguments is None else arguments,
         epsilon=flow.epsilon,
         parameters=tuple(flow.parameters),
+        calls=flow.calls if arguments is None else (),
     )
 
 
