@@ -38,6 +38,7 @@ MARKERS: dict[LossKind, Any] = {
     LossKind.TRANSCRITICAL: {"marker": "X", "mfc": INK},
     LossKind.PITCHFORK: {"marker": "P", "mfc": INK},
     LossKind.BRANCH_POINT: {"marker": "*", "mfc": INK},
+    LossKind.DEGENERATE: {"marker": "H", "mfc": INK},
 }
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
+import re
 from dataclasses import replace
 
 import matplotlib
@@ -13,12 +15,14 @@ from matplotlib.figure import Figure
 
 import gsp
 from gsp import SlowFastSystem, analyse, charts, compare, models
+from gsp.charts.continuation import MARKERS
 from gsp.charts.orbits import shrinks_in_proportion
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import LADDER, mathematics, plain
 from gsp.comparison.method_table import method_table
 from gsp.comparison.work_precision import WorkPrecision
 from gsp.comparison.work_runs import WorkCurve, WorkKind, WorkPoint
+from gsp.critical.continuation import special_points
 from gsp.critical.continuation.curve_continuation import continue_critical
 from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError
@@ -187,6 +191,13 @@ def test_critical_curves_and_sheets_show_their_special_points():
 
 
 @pytest.mark.exhaustive
+def test_every_kind_that_a_curve_may_name_has_a_marker_of_its_own():
+    named = set(re.findall(r"LossKind\.([A-Z_]+)", inspect.getsource(special_points))) - {"NEUTRAL_SADDLE"}
+    assert {kind.name for kind in MARKERS} == named
+    # An onset of slip is a fold.
+    assert len({(style["marker"], style["mfc"]) for style in MARKERS.values()}) == len(MARKERS) - 1
+
+
 @pytest.mark.parametrize("unit", [1, sp.Rational(1, 1000)])
 def test_a_curve_that_leaves_for_infinity_does_not_set_the_scale(unit):
     # The folds are at w = +-2, v = -+1; beside w = 10 v has no bound.
