@@ -59,7 +59,7 @@ class FoldCurve(NamedCurve, Card, Tabular):
     `coefficient` (m,) is a = <psi, g_yy phi phi>/2 with |phi| = |psi| = 1, both continuous along the curve: it
     changes its sign at a cusp. `skew` (m,) is <psi, phi>: it does at a Bogdanov-Takens point. `eigenvalues`
     (m, n_fast) are those of g_y, the rightmost first, `arclength` (m,) in units of the scales. `special` holds the
-    cusps and Bogdanov-Takens points, which are rows of the curve too.
+    cusps, folds of higher order and Bogdanov-Takens points, which are rows of the curve too.
     """
 
     coefficient: np.ndarray
