@@ -7,12 +7,13 @@ from scipy.special import ive
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import Status
-from gsp.integration.clock_stops import stops_of
+from gsp.integration.clock_stops import clock_stops, stops_of
 from gsp.integration.ensemble import integrate_many
 from gsp.integration.events import Event
 from gsp.integration.methods import Method
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import integrate
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -106,3 +107,25 @@ def test_stops_are_in_order_each_once_and_within_the_span() -> None:
     assert stops_of(grid, 0.0, 2.0).tolist() == [1.0, 2.0]
     assert stops_of(grid, 0.0, 2.0, [1.5, -1.0, 0.0, 1.0, 3.0]).tolist() == [1.0, 1.5, 2.0]
     assert stops_of(None, 2.0, 0.0, [0.5, 1.5]).tolist() == [1.5, 0.5, 0.0]
+
+
+def stops(function: sp.Expr, rate: float, first: float, last: float, most: int = 100) -> np.ndarray:
+    """The stops within a span for a function of a clock that begins at 1."""
+    field = VectorField(states={x: function, t: sp.Rational(rate)}, epsilon=None)
+    compiled = compile_flow(field)
+    found = clock_stops(compiled, compiled.parameters(None), (0.0, 1.0), first, last, most)
+    return stops_of(None, first, last, found)[:-1]
+
+
+def test_stops_stand_where_the_function_switches_and_peaks() -> None:
+    clock = 1.0 + 2.0 * (stops(sp.Heaviside(t - 3, 0) - sp.Heaviside(t - 4, 0), 2, 10, 20) - 10.0)
+    assert clock == pytest.approx([3, 3, 4, 4], abs=1e-12)
+    assert np.diff(clock)[[0, 2]].min() > 0.0
+    # cos(3 t + 1) = 1/2 at 3 t + 1 = +-pi/3 + 2 pi k.
+    clock = 1.0 + 0.5 * stops(sp.sign(sp.cos(3 * t + 1) - sp.Rational(1, 2)), 0.5, 0, 8)
+    angles = np.array([5, 7, 11, 13]) * np.pi / 3
+    assert clock[::2] == pytest.approx((angles - 1) / 3, abs=1e-12)
+    # sin(t) + cos(t) is largest at pi/4, and 0 at 3 pi/4 and 7 pi/4.
+    clock = 1.0 + stops(sp.exp(9 * sp.sin(t) + 9 * sp.cos(t)), 1, 0, 5)
+    assert clock == pytest.approx(np.array([3, 5, 7]) * np.pi / 4, abs=1e-12)
+    assert stops(sp.sign(sp.sin(t)), 1, 0, 700, most=100).size == 0
