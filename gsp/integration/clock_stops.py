@@ -28,16 +28,20 @@ def stops_of(
     """
     ahead = np.empty(0) if grid is None else grid[1:] if grid[0] == first else grid
     ahead = ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
-    if not others:
-        return ahead
     sign = 1.0 if last > first else -1.0
     begin, end = sign * first, sign * last
-    before, after = np.sort(sign * np.array(others), axis=1).T
-    met = (after > begin) & (before < end)
-    before, after = before[met], np.minimum(after[met], end)
-    stops = np.unique(np.concatenate([before[before > begin], after, sign * ahead]))
-    crossed = np.searchsorted(np.sort(before), stops) > np.searchsorted(np.sort(after), stops)
-    return sign * np.repeat(stops, np.where(crossed, 2, 1))
+    pairs = sorted((a, b) if sign > 0.0 else (-b, -a) for a, b in others)
+    pairs = [(a, min(b, end)) for a, b in pairs if b > begin and a < end]
+    if not pairs:
+        return ahead
+    stops: list[float] = []
+    begun, behind = 0, begin
+    for stop in sorted({*(a for a, _ in pairs if a > begin), *(b for _, b in pairs), *(sign * ahead).tolist()}):
+        while begun < len(pairs) and pairs[begun][0] < stop:
+            behind = max(behind, pairs[begun][1])
+            begun += 1
+        stops += [sign * stop] * (2 if stop <= behind else 1)
+    return np.array(stops)
 
 
 def stops_of_members(

@@ -37,7 +37,9 @@ class CompiledClock:
     def places(self, p: tuple[float, ...]) -> tuple[float, Places, Places]:
         """The clock's rate, and where rates switch and functions peak, for p = (epsilon, *parameters)."""
         last = self._last
-        if last is None or last[0] != p:
+        # Where there is no epsilon it is NaN, which equals nothing.
+        key = p if p[0] == p[0] else p[1:]
+        if last is None or last[0] != key:
             # Neither the rate nor a number depends on the states.
             rate, *numbers = self._function(np.zeros(self._size), p).tolist()
             rest = iter(numbers)
@@ -45,7 +47,7 @@ class CompiledClock:
                 tuple(chain.from_iterable(_roots(list(islice(rest, len(z.numbers))), z.is_wave) for z in of))
                 for of in (self._clock.switches, self._clock.peaks)
             )
-            last = self._last = p, (rate, switches, peaks)
+            last = self._last = key, (rate, switches, peaks)
         return last[1]
 
 
@@ -67,6 +69,8 @@ def _roots(numbers: Sequence[float], is_wave: bool) -> list[float] | list[Wave]:
         # Beside a leading coefficient that is next to nothing all else is infinite, as is one of the roots.
         while numbers and not (numbers[0] and np.isfinite([n / numbers[0] for n in numbers]).all()):
             numbers = numbers[1:]
+        if len(numbers) == 2:
+            return [-numbers[1] / numbers[0]]
         roots = np.roots(numbers)
         return roots.real[np.abs(roots.imag) <= PARTED * np.abs(roots)].tolist()
     slope, phase, sine, cosine, constant = numbers
