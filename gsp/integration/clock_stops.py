@@ -51,7 +51,7 @@ def stops_of_members(
     if not compiled.clocks:
         stops = stops_of(grid, first, last)
         return stops, np.tile([0, stops.size], (len(members), 1))
-    known: dict[tuple[float, ...], tuple[int, int]] = {}
+    known: dict[tuple[tuple[float, float], ...], tuple[int, int]] = {}
     parts, spans, end = [], np.empty((len(members), 2), np.int64), 0
     for i, (p, y) in enumerate(zip(members.constants, members.starts)):
         others = tuple(clock_stops(compiled, tuple(p.tolist()), y, first, last, most))
@@ -77,7 +77,8 @@ def clock_stops(
             continue
         low, high = sorted((now, now + rate * (last - first)))
         share = most / (1 + sum(isinstance(place, Wave) for place in (*peaks, *switches, *switches)))
-        found += [(first + (place - now) / rate,) * 2 for place in places_within(peaks, low, high, share)]
+        times = (first + (place - now) / rate for place in places_within(peaks, low, high, share))
+        found += [(time, time) for time in times]
         for place in places_within(switches, low, high, share):
             time = first + (place - now) / rate
             apart = ROUNDING * max(abs(first), abs(last), abs(place / rate), abs(now / rate))
