@@ -45,15 +45,15 @@ def clocks(states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> tuple[Clock
     A function of p(t), a polynomial or a wave, is steepest where p = 0, largest where p' = 0, or neither.
 
     >>> t, x, w = sp.symbols("t x w")
-    >>> clocks((x, t), (sp.exp(-(((t - 5) / w) ** 2)) - x, sp.S.One))[0].peaks[1]
-    Zeros(numbers=(-2/w**2, 10/w**2), is_wave=False)
+    >>> clocks((x, t), (sp.exp(-(((t - 5) / w) ** 2)) - x, sp.S.One))[0].peaks
+    (Zeros(numbers=(1, -5), is_wave=False),)
     """
     found = []
     for i, rate in enumerate(rates):
-        if rate != 0 and not rate.has(*states):
+        if rate != 0 and rate.free_symbols.isdisjoint(states):
             jumps = [switch.surface for switch in switches(rates, [states[i]])]
-            places = (_zeros(of, states, i) for of in (jumps, _arguments(rates, states[i])))
-            clock = Clock(i, rate, *places)
+            arguments = _arguments(rates, states[i])
+            clock = Clock(i, rate, *(_zeros(of, states, i, s) for s, of in enumerate((jumps, arguments))))
             if clock.switches or clock.peaks:
                 found.append(clock)
     return tuple(found)
@@ -62,36 +62,65 @@ def clocks(states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> tuple[Clock
 def _arguments(rates: Sequence[sp.Expr], clock: sp.Symbol) -> Iterator[sp.Expr]:
     nodes = {node for rate in rates for node in rate.atoms(sp.Function, sp.Pow)}
     for node in sorted(nodes, key=sp.default_sort_key):
+        # The square of a wave is one, its higher powers are ever narrower pulses.
         whole = node.is_Pow and node.exp.is_Integer and node.exp.is_positive
-        if whole or isinstance(node, (*WAVES, *NON_SMOOTH)):
+        if isinstance(node, (*WAVES, *NON_SMOOTH)) or (whole and (node.exp == 2 or not node.base.has(*WAVES))):
             continue
-        for argument in node.args:
-            if isinstance(argument, sp.Expr) and argument.has(clock):
-                yield argument
-                yield argument.diff(clock)
+        yield from (argument for argument in node.args if isinstance(argument, sp.Expr))
 
 
-def _zeros(expressions: Iterable[sp.Expr], states: Sequence[sp.Symbol], clock: int) -> tuple[Zeros, ...]:
-    """The zeros of those of the expressions that are polynomials or waves of the clock alone."""
-    others = [state for i, state in enumerate(states) if i != clock]
-    alone = (e for e in expressions if e.has(states[clock]) and not e.has(*others))
-    return tuple(dict.fromkeys(found for e in alone if (found := _zeros_of(e, states[clock]))))
+def _zeros(
+    expressions: Iterable[sp.Expr], states: Sequence[sp.Symbol], clock: int, slopes: int
+) -> tuple[Zeros, ...]:
+    """The zeros of the expressions of the clock alone and of so many of their derivatives."""
+    t, found = states[clock], dict[Zeros, None]()
+    for expression in expressions:
+        if t in expression.free_symbols and expression.free_symbols.isdisjoint({*states} - {t}):
+            line, period = _unfolded(expression, t)
+            for slope in (line, line.diff(t))[: slopes + 1]:
+                found |= dict.fromkeys(_zeros_of(slope, t, period) if slope.has(t) else ())
+    return tuple(found)
 
 
-def _zeros_of(expression: sp.Expr, clock: sp.Symbol) -> Zeros | None:
+def _unfolded(expression: sp.Expr, clock: sp.Symbol) -> tuple[sp.Expr, sp.Expr | None]:
+    """The expression with the line of which each sawtooth atan(tan(k t + b)) is made, and the period of those.
+
+    A remainder is such a sawtooth and signs, which move it by whole periods.
+    """
+    saws = {
+        node: node.args[0].args[0] for node in expression.atoms(sp.atan) if isinstance(node.args[0], sp.tan)
+    }
+    slopes = {angle.diff(clock) for angle in saws.values()} - {0}
+    if len(slopes) != 1 or (slope := slopes.pop()).has(clock):
+        return expression, None
+    signs = dict.fromkeys(expression.atoms(sp.sign), sp.S.One)
+    return expression.xreplace(signs).xreplace(saws), sp.pi / slope
+
+
+def _zeros_of(expression: sp.Expr, clock: sp.Symbol, period: sp.Expr | None) -> Iterator[Zeros]:
+    """The zeros of a polynomial or a wave, each once; of a polynomial with a `period` those of its linear factors."""
     if expression.is_polynomial(clock):
-        return Zeros(tuple(sp.Poly(expression, clock).all_coeffs()))
+        # By its factors, since rounding would part roots that are one, and blur those that are close.
+        polynomial = sp.Poly(expression, clock)
+        factors = polynomial.factor_list()[1] if polynomial.degree() > 1 else [(polynomial, 1)]
+        for coefficients in (factor.all_coeffs() for factor, _ in factors):
+            if period is None:
+                yield Zeros(tuple(coefficients))
+            elif len(coefficients) == 2:
+                slope, rest = sp.pi / period, coefficients[1] / coefficients[0]
+                yield Zeros((slope, slope * rest, sp.S.One, sp.S.Zero, sp.S.Zero), is_wave=True)
+        return
     waves = sorted((w for w in expression.atoms(*WAVES) if w.has(clock)), key=sp.default_sort_key)
     angles = {wave.args[0] for wave in waves}
     if len(angles) != 1 or not (angle := angles.pop()).is_polynomial(clock):
-        return None
+        return
     slope, *phase = sp.Poly(angle, clock).all_coeffs()
     of = {wave: sp.Dummy() for wave in waves}
     flat = expression.xreplace(of)
     if len(phase) != 1 or flat.has(clock) or not flat.is_polynomial(*of.values()):
-        return None
+        return
     terms = sp.Poly(flat, *of.values())
     if terms.total_degree() != 1:
-        return None
+        return
     sine, cosine = (sum(terms.coeff_monomial(of[w]) for w in waves if isinstance(w, kind)) for kind in WAVES)
-    return Zeros((slope, phase[0], sp.S(sine), sp.S(cosine), terms.coeff_monomial(1)), is_wave=True)
+    yield Zeros((slope, phase[0], sp.S(sine), sp.S(cosine), terms.coeff_monomial(1)), is_wave=True)

@@ -113,9 +113,8 @@ def _made_again(
     span = request.first, float(request.stops[-1])
     method = control.method or choose_method(request.compiled, control.rtol)
     stepper = Stepper(request.compiled, p, method, control.rtol, control.atol)
-    ending = (
-        ending_of(flow, stepper, span, y, stops_of(grid, *span, request.stops)) if flow.is_reduced else None
-    )
+    stops = stops_of(grid, *span, [(stop, stop) for stop in request.stops])
+    ending = ending_of(flow, stepper, span, y, stops) if flow.is_reduced else None
     search = search_of(compiled_events, ending, stepper, span, y)
     begun = None if ending is None else ending.at_start(span[0], y)
     if begun is not None:

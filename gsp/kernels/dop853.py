@@ -28,6 +28,8 @@ ERROR_FLOOR = 1e-4
 LARGEST_GROWTH = ERROR_FLOOR**-BETA
 # |h lambda| at the border of stability; how many signs make or clear a suspicion (DOP853; II, section IV.2).
 STABILITY_BORDER = 6.1
+# (rtol, atol) by which no error is too large.
+ANY = (0.0, math.inf)
 STIFF_SIGNS = 15
 NON_STIFF_SIGNS = 6
 
@@ -50,14 +52,16 @@ def dop853(flow, stops, control, state, record):
     room = (rows, np.empty((SCRATCH, n)))
     recorded = 0
     while True:
-        code, t, step, t_new, clipped, hits_stop = next_step(
+        code, t, step, t_new, clipped, hits_stop, crosses = next_step(
             stops, max_steps, recorded, times.shape[0], memory, counters
         )
         if code != integrator.GOING_ON:
             return code
 
         wants = recorded < dense.shape[0]
-        error, failure, stretch = explicit_step(field, (t, step), start, tolerances, wants, new, room, counters)
+        error, failure, stretch = explicit_step(
+            field, (t, step), start, ANY if crosses else tolerances, wants, new, room, counters
+        )
         if error <= 1.0:
             times[recorded] = t_new
             for i in range(n):
@@ -87,7 +91,7 @@ def dop853(flow, stops, control, state, record):
             for i in range(n):
                 y[i] = y_new[i]
                 rate[i] = rate_new[i]
-            if counters[integrator.NEXT_STOP] == stops.shape[0]:
+            if t_new == stops[-1]:
                 return integrator.FINISHED
         else:
             # Without an estimate, where a value is not finite.

@@ -8,7 +8,8 @@ and advances `y` (n,), its rate `rate` (n,), `memory` (MEMORY_SIZE,) and `counte
 Every accepted step fills one row of the record: its end in `times` (k,), its state in `states` (k, n), the
 coefficients of its dense output in `dense` (k, rows, n), or nothing there when that has the shape (0, rows, n).
 The record starts afresh at each call; a step starts at the row before it. `stops` (s,) are monotone, ahead of the
-start, and hit exactly; the last one is the end.
+start, and hit exactly; the last one is the end. To one that stands twice leads a step over a jump: it is
+taken whatever its error, which no shorter one would lessen.
 The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
 else is 0. `program` (k,) holds addresses: the field, its Jacobian or 0 for a method that asks for none, the method
 itself, by which `launch`, `landing` and `ensemble` call it, its loops for any flow or 0, and what `gsp.lowering.steps`

@@ -175,7 +175,7 @@ def radau(flow, stops, control, state, record):
         block[POINT + n + i] = rate[i]
     recorded = 0
     while True:
-        code, _, step, t_new, clipped, hits_stop = next_step(
+        code, _, step, t_new, clipped, hits_stop, crosses = next_step(
             stops, max_steps, recorded, times.shape[0], memory, counters
         )
         if code != integrator.GOING_ON:
@@ -206,7 +206,7 @@ def radau(flow, stops, control, state, record):
             )
         safety = SAFETY * (2 * most + 1) / (2 * most + rounds)
 
-        if error <= 1.0:
+        if error <= 1.0 or (crosses and error < math.inf):
             times[recorded] = t_new
             for i in range(n):
                 states[recorded, i] = y[i] = block[end + i]
@@ -237,7 +237,7 @@ def radau(flow, stops, control, state, record):
                 factor = min(factor, change_allowed(theta))
             factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
             accept(t_new, step, clipped, hits_stop, min(growth, largest_growth), factor, memory, counters)
-            if counters[integrator.NEXT_STOP] == stops.shape[0]:
+            if t_new == stops[-1]:
                 return integrator.FINISHED
         else:
             if math.isfinite(error):

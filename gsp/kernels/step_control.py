@@ -44,29 +44,36 @@ def step_towards(stop, t, h):
 
 @inlined_kernel
 def next_step(stops, max_steps, recorded, capacity, memory, counters):
-    """(code, t, step, its end, clipped, hits_stop) of the step that comes next; a code but GOING_ON ends the call."""
+    """(code, t, step, its end, clipped, hits_stop, crosses) of the step that comes next.
+
+    A code but GOING_ON ends the call. Of a step that crosses a jump there is no error to be told.
+    """
     t = memory[integrator.TIME]
     if recorded == capacity:
-        return integrator.RECORD_FULL, t, 0.0, t, False, False
+        return integrator.RECORD_FULL, t, 0.0, t, False, False, False
     if counters[integrator.STEPS] + counters[integrator.REJECTED] >= max_steps:
-        return integrator.TOO_MANY_STEPS, t, 0.0, t, False, False
+        return integrator.TOO_MANY_STEPS, t, 0.0, t, False, False, False
     proposal = memory[integrator.STEP]
-    step, t_new, clipped, hits_stop = step_ahead(stops, t, proposal, counters)
+    step, t_new, clipped, hits_stop, crosses = step_ahead(stops, t, proposal, counters)
     if step == 0.0:
-        return integrator.STEP_TOO_SMALL, t, step, t_new, clipped, hits_stop
-    return integrator.GOING_ON, t, step, t_new, clipped, hits_stop
+        return integrator.STEP_TOO_SMALL, t, step, t_new, clipped, hits_stop, crosses
+    return integrator.GOING_ON, t, step, t_new, clipped, hits_stop, crosses
 
 
 @inlined_kernel
 def step_ahead(stops, t, proposal, counters):
-    """(step, its end, clipped, hits_stop) from `t`, for a step that is proposed; 0 where it is lost in rounding."""
-    stop = stops[counters[integrator.NEXT_STOP]]
+    """(step, its end, clipped, hits_stop, crosses) from `t` for a `proposal`; 0 where it is lost in rounding."""
+    if stops[counters[integrator.NEXT_STOP]] == t:
+        counters[integrator.NEXT_STOP] += 1
+    following = counters[integrator.NEXT_STOP] + 1
+    stop = stops[following - 1]
     step = step_towards(stop, t, proposal)
     clipped = abs(step) < abs(proposal)
     hits_stop = step == stop - t
+    crosses = hits_stop and following < stops.shape[0] and stops[following] == stop
     t_new = stop if hits_stop else t + step
     # What t really advances by, so that the record of times alone tells the steps.
-    return t_new - t, t_new, clipped, hits_stop
+    return t_new - t, t_new, clipped, hits_stop, crosses
 
 
 @kernel

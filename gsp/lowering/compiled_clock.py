@@ -37,7 +37,9 @@ class CompiledClock:
     def places(self, p: tuple[float, ...]) -> tuple[float, Places, Places]:
         """The clock's rate, and where rates switch and functions peak, for p = (epsilon, *parameters)."""
         last = self._last
-        if last is None or last[0] != p:
+        # Where there is no epsilon it is NaN, which equals nothing.
+        key = p if p[0] == p[0] else p[1:]
+        if last is None or last[0] != key:
             # Neither the rate nor a number depends on the states.
             rate, *numbers = self._function(np.zeros(self._size), p).tolist()
             rest = iter(numbers)
@@ -45,16 +47,16 @@ class CompiledClock:
                 tuple(chain.from_iterable(_roots(list(islice(rest, len(z.numbers))), z.is_wave) for z in of))
                 for of in (self._clock.switches, self._clock.peaks)
             )
-            last = self._last = p, (rate, switches, peaks)
+            last = self._last = key, (rate, switches, peaks)
         return last[1]
 
 
-def places_within(places: Iterable[float | Wave], low: float, high: float, most: int) -> Iterator[float]:
+def places_within(places: Iterable[float | Wave], low: float, high: float, most: float) -> Iterator[float]:
     """The places from `low` to `high`; of a wave none where these are more than `most`."""
     for place in places:
         if not isinstance(place, Wave):
             yield place
-        elif high - low <= most * place.period:
+        elif 0.0 < high - low <= most * place.period:
             begin, end = ((bound - place.first) / place.period for bound in (low, high))
             yield from (place.first + k * place.period for k in range(math.ceil(begin), math.floor(end) + 1))
 
@@ -64,6 +66,11 @@ def _roots(numbers: Sequence[float], is_wave: bool) -> list[float] | list[Wave]:
     if not np.isfinite(numbers).all():
         return []
     if not is_wave:
+        # Beside a leading coefficient that is next to nothing all else is infinite, as is one of the roots.
+        while numbers and not (numbers[0] and np.isfinite([n / numbers[0] for n in numbers]).all()):
+            numbers = numbers[1:]
+        if len(numbers) == 2:
+            return [-numbers[1] / numbers[0]]
         roots = np.roots(numbers)
         return roots.real[np.abs(roots.imag) <= PARTED * np.abs(roots)].tolist()
     slope, phase, sine, cosine, constant = numbers
@@ -72,7 +79,6 @@ def _roots(numbers: Sequence[float], is_wave: bool) -> list[float] | list[Wave]:
         return []
     # sine sin + cosine cos = size cos(angle - middle).
     middle, beside = math.atan2(sine, cosine), math.acos(-constant / size)
-    return [
-        Wave((angle - phase) / slope, abs(2.0 * math.pi / slope))
-        for angle in dict.fromkeys((middle - beside, middle + beside))
-    ]
+    angles = dict.fromkeys((middle - beside, middle + beside))
+    waves = [Wave((angle - phase) / slope, abs(2.0 * math.pi / slope)) for angle in angles]
+    return [wave for wave in waves if np.isfinite(wave).all()]

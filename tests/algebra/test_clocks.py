@@ -29,6 +29,7 @@ def polynomials(function: sp.Expr) -> tuple[set, set]:
         (x / sp.cosh(9 * t - 18), set(), {2}),
         (sp.tanh(t - 1) - sp.tanh(t - 2), set(), {1, 2}),
         (sp.Max(0, t**2 - 4), {-2, 2}, set()),
+        (sp.exp(-((t - 5) ** 8)), set(), {5}),
     ],
     ids=str,
 )
@@ -43,6 +44,8 @@ def test_switches_and_peaks_of_functions_of_a_clock(function: sp.Expr, switches:
         (sp.exp(2 * sp.cos(t)), [], [(1, 0, 0, 2, 0), (1, 0, -2, 0, 0)]),
         (sp.Heaviside(sp.sin(t) + 2 * sp.cos(t) - 1, 0), [(1, 0, 1, 2, -1)], []),
         (sp.floor(t / 24), [(sp.pi / 24, 0, 1, 0, 0)], []),
+        (sp.cos(t) ** 9, [], [(1, 0, 0, 1, 0), (1, 0, -1, 0, 0)]),
+        (sp.sign(sp.atan(sp.tan(sp.pi * t / 24 - 1)) - w), [(sp.pi / 24, -1 - w, 1, 0, 0)], []),
     ],
     ids=str,
 )
@@ -53,10 +56,17 @@ def test_switches_and_peaks_of_waves_of_a_clock(function: sp.Expr, switches: lis
 
 
 @pytest.mark.parametrize(
-    "function", [sp.cos(t), t**3 * x, sp.Piecewise((1, t > x), (0, True)), sp.sign(t * sp.sin(t))], ids=str
+    "function",
+    [sp.cos(t), sp.cos(t) ** 2, t**3 * x, sp.Piecewise((1, t > x), (0, True)), sp.sign(t * sp.sin(t))],
+    ids=str,
 )
 def test_what_switches_with_the_states_or_varies_all_along_has_no_places(function: sp.Expr) -> None:
     assert clocks((x, t), (function - x, sp.S.One)) == ()
+
+
+def test_zeros_that_are_close_are_zeros_of_their_own_polynomials() -> None:
+    (clock,) = clocks((x, t), (sp.sign((t - 5) ** 2 - w**2 / 4) - x, sp.S.One))
+    assert {z.numbers for z in clock.switches} == {(2, -w - 10), (2, w - 10)}
 
 
 def test_a_state_whose_rate_moves_is_no_clock() -> None:

@@ -14,6 +14,7 @@ from gsp.integration.methods import Method
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import integrate
 from gsp.lowering.compiled_flow import compile_flow
+from gsp.readers.loading import load
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -76,6 +77,32 @@ def test_a_wave_of_more_periods_than_steps_has_no_stops() -> None:
     assert run.status is Status.TOO_MANY_STEPS
 
 
+def test_a_power_of_a_wave_is_a_train_of_pulses() -> None:
+    field = VectorField(states={x: sp.cos(sp.pi * t / 24) ** 1000, t: 1}, epsilon=None)
+    run = integrate(field, start={"x": 0, "t": 12}, span=(0, 240))
+    assert run["x"][-1] == pytest.approx(240 * float(sp.binomial(1000, 500)) / 2.0**1000, rel=1e-6)
+
+
+@pytest.mark.parametrize("pulse", ["heav(mod(c,24)-6)*heav(6.01-mod(c,24))", "exp(-((mod(c-2,24)-4)/w)^2)"])
+def test_pulses_in_a_remainder_of_a_clock_are_met(pulse: str, tmp_path) -> None:
+    path = tmp_path / "doses.ode"
+    path.write_text(f"x'={pulse}\nc'=1\npar w=0.01\nc(0)=12\ndone\n")
+    run = integrate(load(path).system, start={"x": 0, "c": 12}, span=(0, 240))
+    area = 0.01 if "heav" in pulse else 0.01 * np.sqrt(np.pi)
+    assert run["x"][-1] == pytest.approx(10 * area, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [sp.Heaviside(w * t - 1, 0), sp.Heaviside(w * t**2 + t - 11, 0), sp.sign(sp.sin(w * t))],
+    ids=str,
+)
+def test_next_to_nothing_before_a_clock_is_as_good_as_nothing(function: sp.Expr) -> None:
+    field = VectorField(states={x: function, t: 1}, epsilon=None, parameters={w: sp.Rational(1, 10**320)})
+    run = integrate(field, start={"x": 0, "t": 0}, span=(0, 10))
+    assert run.status is Status.SUCCESS
+
+
 def test_members_of_an_ensemble_meet_their_own_pulses_as_single_runs_do() -> None:
     field, times = driven(PULSES["a dose"][0], 1e-3), np.array([1.0, 5.0, 7.0, 30.0])
     many = integrate_many(field, {"x": 0, "t": 0}, parameters={"T": times}, span=(0, 10), at=[4, 10])
@@ -105,8 +132,26 @@ def test_a_reduced_flow_and_a_run_with_events_meet_the_pulse() -> None:
 def test_stops_are_in_order_each_once_and_within_the_span() -> None:
     grid = np.array([0.0, 1.0, 2.0])
     assert stops_of(grid, 0.0, 2.0).tolist() == [1.0, 2.0]
-    assert stops_of(grid, 0.0, 2.0, [1.5, -1.0, 0.0, 1.0, 3.0]).tolist() == [1.0, 1.5, 2.0]
-    assert stops_of(None, 2.0, 0.0, [0.5, 1.5]).tolist() == [1.5, 0.5, 0.0]
+    assert stops_of(grid, 0.0, 2.0, [(t, t) for t in (1.5, -1.0, 0.0, 1.0, 3.0)]).tolist() == [1.0, 1.5, 2.0]
+    assert stops_of(None, 2.0, 0.0, [(0.5, 0.5), (1.5, 1.5)]).tolist() == [1.5, 0.5, 0.0]
+
+
+def test_what_lies_behind_a_jump_stands_twice() -> None:
+    grid = np.array([0.0, 1.0, 2.0])
+    assert stops_of(grid, 0.0, 2.0, [(0.75, 1.25)]).tolist() == [0.75, 1.0, 1.0, 1.25, 1.25, 2.0]
+    assert stops_of(None, 2.0, 0.0, [(0.75, 1.25)]).tolist() == [1.25, 0.75, 0.75, 0.0]
+    assert stops_of(None, 0.0, 2.0, [(-0.25, 0.25), (1.75, 2.25)]).tolist() == [0.25, 0.25, 1.75, 2.0, 2.0]
+
+
+@pytest.mark.parametrize("method", Method)
+def test_a_jump_is_crossed_however_high_it_is(method: Method) -> None:
+    """No step of a length that rounding leaves would meet the tolerance there."""
+    for time, width in ((10**6, 1e-3), (5, 1e-9), (10**4, 1e-3)):
+        field = driven(PULSES["a dose"][0].subs(T, time), width)
+        for span, sign in (((0.0, 2.0 * time), 1.0), ((2.0 * time, 0.0), -1.0)):
+            run = integrate(field, start={"x": 0, "t": span[0]}, span=span, method=method)
+            assert run.status is Status.SUCCESS
+            assert run["x"][-1] == pytest.approx(sign, abs=1e-6 + 1e-14 * time / width)
 
 
 def stops(function: sp.Expr, rate: float, first: float, last: float, most: int = 100) -> np.ndarray:
@@ -114,7 +159,7 @@ def stops(function: sp.Expr, rate: float, first: float, last: float, most: int =
     field = VectorField(states={x: function, t: sp.Rational(rate)}, epsilon=None)
     compiled = compile_flow(field)
     found = clock_stops(compiled, compiled.parameters(None), (0.0, 1.0), first, last, most)
-    return stops_of(None, first, last, found)[:-1]
+    return np.unique(stops_of(None, first, last, found))[:-1]
 
 
 def test_stops_stand_where_the_function_switches_and_peaks() -> None:
