@@ -48,7 +48,7 @@ class Failure(StrEnum):
     RATE = "the normal rate no longer dominates"
     REGION = "the region is left"
     UNTOLD = "nothing tells its error"
-    KINK = "a kink of the field is crossed"
+    KINK = "a kink or a jump of the field is crossed"
     ORDER = "the series is past its best order"
     ERROR = "the predicted error passes the tolerance"
     END = "the reduced run ends"
@@ -254,19 +254,29 @@ class Prediction:
 
         A series is one on each side, and a run across is off by O(epsilon^2), which no higher order tells. So is one
         that begins across, where the layer has moved the slow variables over it. The error of order 0 is larger than
-        that, and is told by the next order all the same.
+        that, and is told by the next order all the same, but where M0 jumps: the full run is off it by the jump over a
+        time of O(epsilon).
         """
-        if order == 0 or self._surfaces is None:
-            return float("inf")
-        run, crossed = self.runs[order], float("inf")
-        low, high = float(run.t[0]), self.covered(order)
-        sides = None
+        run, low, landed = self.runs[order], float(self.runs[order].t[0]), self.landed
+        while self._surfaces is not None:
+            before, after, jumps = self._crossed(run, low, self.covered(order), landed)
+            if order > 0 or jumps or before == np.inf:
+                return before
+            low, landed = after, None
+        return float("inf")
+
+    def _crossed(
+        self, run: Trajectory, low: float, high: float, landed: np.ndarray | None
+    ) -> tuple[float, float, bool]:
+        """Times just before the first crossing, infinite where there is none, and just after; whether M0 jumps."""
+        assert self._surfaces is not None
+        before, sides, leaps = float("inf"), None, []
         for _ in range(1 + REFINEMENTS):
             # Places at which the sides of switching surfaces are looked at, and again where one is crossed.
             times = np.linspace(low, high, 129)
             places = self._places(run, times)[0]
-            if sides is None and self.landed is not None:
-                places, times = np.vstack([self.landed, places]), np.append(low, times)
+            if sides is None and landed is not None:
+                places, times = np.vstack([landed, places]), np.append(low, times)
             with np.errstate(all="ignore"):
                 found = np.sign(self._surfaces(places, self.sampler.p))
             # What begins on a surface is on the side to which it leaves.
@@ -274,11 +284,16 @@ class Prediction:
             other = np.flatnonzero((found * sides < 0.0).any(axis=1))
             if not other.size:
                 break
-            crossed = low = float(times[other[0] - 1])
+            before = low = float(times[other[0] - 1])
             high = float(times[other[0]])
+            leaps.append(
+                np.abs(np.diff(places[other[0] - 1 : other[0] + 1, len(self.sampler.system.x) :], axis=0))
+            )
             if low == high:
                 break
-        return crossed
+        # What is continuous changes less over a shorter time.
+        jumps = len(leaps) > 1 and bool((leaps[-1] > 0.5 * leaps[0]).any() and leaps[-1].max() > 0.0)
+        return before, high, jumps
 
     @cached_property
     def _surfaces(self):

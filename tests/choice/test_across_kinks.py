@@ -72,6 +72,26 @@ def test_a_run_that_leaves_a_kink_and_comes_back_is_followed_to_where_it_crosses
     assert found.crossing(1) == pytest.approx(np.pi, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("fast", "jumps"),
+    [
+        (v * sp.sign(v - sp.Rational(1, 2)) / 3 + v - i, True),
+        (sp.Abs(v - sp.Rational(1, 2)) + v - i, False),
+        (sp.Abs(v - sp.Rational(3, 4)) + sp.sign(v - sp.Rational(1, 2)) / 5 + v - i, True),
+    ],
+    ids=["a jump", "a kink", "a jump behind a kink"],
+)
+def test_order_0_ends_where_the_critical_manifold_jumps_and_not_at_a_kink(fast: sp.Expr, jumps: bool) -> None:
+    """Past a jump the full run is off the manifold for a time epsilon, which the difference of two orders hides."""
+    found = forecast_of(scene(-i / 2 - v / 2, fast, 1, 1), (0, 1)).prediction
+    if not jumps:
+        assert found.crossing(0) == np.inf
+        return
+    run = found.runs[0]
+    assert run.at(found.crossing(0))[0] == pytest.approx(0.5, abs=1e-3)
+    assert found.crossing(1) <= found.crossing(0) + 1e-9
+
+
 def test_what_fast_variables_are_off_by_is_told_where_their_own_layer_is_over() -> None:
     # The layer of v ends after 5.7 fast times, where 2.6e-3 of that of i is left.
     system = SlowFastSystem(slow={v: -v / 2 - i / 2 - 1}, fast={i: -v - i - 1}, epsilon=eps)
