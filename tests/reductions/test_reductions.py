@@ -873,3 +873,28 @@ def test_what_is_fast_together_is_measured_however_near_its_members_are() -> Non
     # The inhibitor stays where it is.
     error = max(np.abs(own - s).max() / s.max(), np.abs(5e-4 - i).max() / i.max())
     assert found.recommended.error == pytest.approx(error, rel=0.05)
+
+
+@pytest.mark.exhaustive
+def test_what_the_rest_takes_many_steps_for_is_run_as_stiff() -> None:
+    """A cascade of three scales: without x alone y is fast still, and explicit steps cost hundreds of full runs."""
+    rates = {"x": "1000000*(y - x)", "y": "10000*(z - y)", "z": "-x*z"}
+    found = find_reductions(scene(rates, {}, {"x": 0.1, "y": 0.2, "z": 1}, 2))
+    (own,) = [e for e in found.found if e.name == "quasi-steady state of x" and e.order == 0]
+    assert own.is_stiff
+    assert not own.why_not
+    assert own.candidate.steps < 200
+
+
+def test_what_is_not_known_of_a_candidate_is_left_blank() -> None:
+    """A full run at a coarse tolerance that does not reach the end has no cost: `gsp choose --json` was refused."""
+    plain = enzyme(*ENZYMES[0])
+    candidate = Candidate(ModelKind.REDUCED, 0, timings=(1e-5,), failure=Failure.RATE)
+    nan = float("nan")
+    found = reductions.Reduction("one", plain, 0, nan, (0.0, 1.0), nan, candidate, "it does not serve")
+    told = found.as_dict()
+    assert [told["error"], told["seconds"], told["full_seconds"]] == [None, 1e-5, None]
+    reductions_ = reductions.Reductions(
+        plain, gsp.time_scales(plain), (found,), None, None, (), "Do not reduce."
+    )
+    assert "nan" not in str(reductions_)
