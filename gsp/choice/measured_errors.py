@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gsp.choice.candidates import GRID_POINTS, Candidate, Trial, measured_candidate, run_model
+from gsp.choice.candidates import GRID_POINTS, INTEGRATION, Candidate, Trial, measured_candidate, run_model
 from gsp.choice.forecast import Forecast
 from gsp.choice.prediction import Failure
 from gsp.errors import GspError
@@ -28,7 +28,10 @@ def measured_errors(
     first, last = scene.span
     if not layer < last - first:
         return {}
-    times = np.linspace(first + layer, last, GRID_POINTS)
+    # What passes early in a long span lies between evenly spaced times, and at steps of the full run.
+    rtol = INTEGRATION * scene.tolerance
+    steps = run_model(study.system, study.start, scene, scene.span, rtol, max_steps=GRID_POINTS).t
+    times = np.union1d(np.linspace(first + layer, last, GRID_POINTS), steps[steps > first + layer])
     exact = run_model(study.system, study.start, scene, scene.span, RTOL, at=times)
     if not exact.status.ok:
         return {}

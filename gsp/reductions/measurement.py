@@ -20,6 +20,7 @@ from gsp.choice.choice import Choice, choose
 from gsp.choice.costs import timed
 from gsp.choice.forecast import LAYER_LEFT
 from gsp.choice.measured_errors import RTOL, measured_errors
+from gsp.choice.prediction import Failure
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory
 from gsp.reductions.fast_parts import FastPart
@@ -58,11 +59,13 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         study = Study(counted)
         counts_fast = _counts_fast(study)
         choice, errors = _looked_at(study, LEADING[:1], counts_fast)
-        if choice.candidates[0].follows and not errors:
+        if _may_be_stiff(choice, errors):
             # What is left may have fast modes of its own, on which an explicit method takes small steps.
-            study = replace(study, is_stiff=True)
-            choice, errors = _looked_at(study, LEADING[:1], counts_fast)
-        if choice.candidates[0].follows:
+            stiff = replace(study, is_stiff=True)
+            other, its_errors = _looked_at(stiff, LEADING[:1], counts_fast)
+            if not errors or other.candidates[0].steps < choice.candidates[0].steps:
+                study, choice, errors = stiff, other, its_errors
+        if choice.candidates[0].order is not None and choice.candidates[0].follows:
             if not _is_separated(errors):
                 choice, errors = _looked_at(study, LEADING, counts_fast)
             # Only where something is separated are corrections of use; elsewhere they may run for minutes.
@@ -73,7 +76,8 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
     full = choice.candidates[-1]
     found = {}
     for c in choice.candidates[:-1]:
-        if c.order is None or np.isnan(c.seconds):
+        # One that was not looked at has neither a cost nor a failure.
+        if c.order is None or (np.isnan(c.seconds) and c.failure is None):
             continue
         why_not = "" if c.follows else c.why_not
         error = errors.get(c.order, float("nan"))
@@ -104,6 +108,15 @@ def _looked_at(study: Study, orders: Sequence[int], counts_fast: bool) -> tuple[
     """The choice among the full system and the reduced flows of these orders, and what each is off by."""
     choice = choose(study, orders=orders, fast=counts_fast, solve=False)
     return choice, measured_errors(study, choice.candidates, choice.names, choice.layer)
+
+
+def _may_be_stiff(choice: Choice, errors: Mapping[int, float]) -> bool:
+    """Whether an explicit method took more steps on the reduced flow of leading order than the full system takes."""
+    reduced, full = choice.candidates[0], choice.candidates[-1]
+    if reduced.order is None:
+        return False
+    ends = reduced.failure in (Failure.END, Failure.ORDER)
+    return (reduced.follows and not errors) or ((reduced.follows or ends) and reduced.steps > full.steps)
 
 
 def _is_separated(errors: Mapping[int, float]) -> bool:

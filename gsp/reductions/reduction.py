@@ -40,15 +40,10 @@ class Reduction(Card):
         return self.candidate.seconds
 
     def as_dict(self) -> dict[str, object]:
-        """Its name, order, error, cost and why it does not serve, as plain values."""
-        return {
-            "name": self.name,
-            "order": self.order,
-            "error": self.error if np.isfinite(self.error) else None,
-            "seconds": self.seconds,
-            "full_seconds": self.full_seconds,
-            "why_not": self.why_not,
-        }
+        """Its name, order, error, cost and why it does not serve, as plain values; None for what is not known."""
+        numbers = {"error": self.error, "seconds": self.seconds, "full_seconds": self.full_seconds}
+        known = {what: number if np.isfinite(number) else None for what, number in numbers.items()}
+        return {"name": self.name, "order": self.order, **known, "why_not": self.why_not}
 
     def __repr__(self) -> str:
         return f"Reduction({self.name}, order {self.order}: error {self.error:.2g})"

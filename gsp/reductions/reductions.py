@@ -157,9 +157,10 @@ class Reductions(Card):
         for each in self.shown():
             mark = "->" if each is self.recommended else ""
             share = each.seconds / each.full_seconds
+            cost = f"{share:7.2f}" if np.isfinite(share) else ""
             lines.append(
                 f"  {mark:2}{each.name:<{width}}  {each.order:5d}  {_shown(each.error):>8}  "
-                f"{seconds_shown(each.seconds):>8}  {share:7.2f}  {each.why_not}".rstrip()
+                f"{seconds_shown(each.seconds):>8}  {cost:>7}  {each.why_not}".rstrip()
             )
         if self.near:
             names = [SpecialPart(each).name for each, _ in self.near]

@@ -15,7 +15,8 @@ from gsp.systems.system import VectorField
 def defect(field: VectorField, part: FastPart, run: Trajectory, times: np.ndarray) -> float:
     """The middle one of the distances from the run at `times` to f = 0 along N, relative to the sizes of the states.
 
-    Infinite where f = 0 does not attract along N at the run's end, or is not reached.
+    A place counts as infinitely far where f = 0 is not reached along N, as at a start at which its rates are singular,
+    or does not attract.
     """
     states = field.states
     values = dict(field.parameters)
@@ -41,9 +42,7 @@ def defect(field: VectorField, part: FastPart, run: Trajectory, times: np.ndarra
         values = function(moved, constants)
         inner = values[:, r:].reshape(-1, r, len(states)) @ N
         alive &= np.isfinite(values).all(axis=1)
-        if not alive.all():
-            return float("inf")
-        if (np.linalg.eigvals(inner).real >= 0.0).any():
-            return float("inf")
-        distance = np.abs(moved - places) / np.where(size > 0.0, size, 1.0)
-    return float(np.median(distance.max(axis=1)))
+        inner[~alive] = 0.0
+        attracts = (np.linalg.eigvals(inner).real < 0.0).all(axis=1)
+        distance = (np.abs(moved - places) / np.where(size > 0.0, size, 1.0)).max(axis=1)
+    return float(np.median(np.where(attracts, distance, np.inf)))

@@ -11,6 +11,7 @@ import pytest
 import sympy as sp
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import gsp
 from gsp.choice import costs
@@ -873,3 +874,42 @@ def test_what_is_fast_together_is_measured_however_near_its_members_are() -> Non
     # The inhibitor stays where it is.
     error = max(np.abs(own - s).max() / s.max(), np.abs(5e-4 - i).max() / i.max())
     assert found.recommended.error == pytest.approx(error, rel=0.05)
+
+
+@pytest.mark.exhaustive
+def test_what_the_rest_takes_many_steps_for_is_run_as_stiff() -> None:
+    """A cascade of three scales: without x alone y is fast still, and explicit steps cost many full runs."""
+    rates = {"x": "1000000*(y - x)", "y": "1000*(z - y)", "z": "-x*z"}
+    found = find_reductions(scene(rates, {}, {"x": 0.1, "y": 0.2, "z": 1}, 2))
+    (own,) = [e for e in found.found if e.name == "quasi-steady state of x" and e.order == 0]
+    assert own.is_stiff
+    assert not own.why_not
+    assert own.candidate.steps < 200
+
+
+def test_what_is_not_known_of_a_candidate_is_left_blank() -> None:
+    """A full run at a coarse tolerance that does not reach the end has no cost: `gsp choose --json` was refused."""
+    plain = enzyme(*ENZYMES[0])
+    candidate = Candidate(ModelKind.REDUCED, 0, timings=(1e-5,), failure=Failure.RATE)
+    nan = float("nan")
+    found = reductions.Reduction("one", plain, 0, nan, (0.0, 1.0), nan, candidate, "it does not serve")
+    told = found.as_dict()
+    assert [told["error"], told["seconds"], told["full_seconds"]] == [None, 1e-5, None]
+    reductions_ = reductions.Reductions(
+        plain, gsp.time_scales(plain), (found,), None, None, (), "Do not reduce."
+    )
+    assert "nan" not in str(reductions_)
+
+
+def test_what_passes_early_in_a_long_span_counts_in_the_error() -> None:
+    """Between evenly spaced times nothing was seen of it, and an error of 2.5e-3 was told as 4e-4."""
+    rates = {"x": "300*(y - x)", "y": "-2*x + z", "z": "-z/100"}
+    plain = scene(rates, {}, {"x": 1, "y": 1, "z": 0.001}, 200)
+    (part,) = [p for p in fast_parts(field_of(plain)) if p.name == "quasi-steady state of x"]
+    measured = measurement.measure(plain, part, np.array([150.0, 50.0]))
+    (own,) = [each for each in measured if each.order == 0]
+    times = np.linspace(0.0, 5.0, 2001)
+    matrix = np.array([[-300.0, 300, 0], [-2, 0, 1], [0, 0, -0.01]])
+    exact = np.array([(expm(matrix * t) @ [1, 1, 0.001])[1] for t in times])
+    slow = np.array([(expm(np.array([[-2.0, 1], [0, -0.01]]) * t) @ [1, 0.001])[0] for t in times])
+    assert own.error == pytest.approx(float(np.abs(slow - exact).max()), rel=0.2)
