@@ -95,7 +95,10 @@ def _below_one(u: Any, power: int) -> Any:
     """
     if not power:
         return sp.S.One
-    return sp.exp(sp.Mul(sp.Rational(power, 2), sp.Add(u, -_size(u)), evaluate=False), evaluate=False)
+    twice = sp.Add(u, -_size(u))
+    # A product with 1 alone is one that SymPy's `cse` takes the sum's terms for factors of.
+    exponent = twice if power == 2 else sp.Mul(sp.Rational(power, 2), twice, evaluate=False)
+    return sp.exp(exponent, evaluate=False)
 
 
 def _size(u: Any) -> Any:
