@@ -30,7 +30,7 @@ from gsp.choice.candidates import (
 from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import Forecast, SurfaceForecast, forecast_of
 from gsp.choice.measured_errors import measured_where_untold
-from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure
+from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure, times_along
 from gsp.choice.verdict import Evidence, Verdict, in_words, judge, seconds_shown, serving_of
 from gsp.errors import NO_REASON, DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory
@@ -261,11 +261,12 @@ def _fast_errors(
     if serving is None or forecast is None or len(forecast.prediction.names) > len(forecast.study.system.x):
         return float("nan"), float("nan")
     first, last = forecast.study.scene.span
-    times = np.linspace(min(first + gone, last), last, GRID_POINTS)
+    begun = min(first + gone, last)
     if serving.order is not None:
-        return forecast.fast_errors(serving.order, times)
+        run = forecast.prediction.runs[serving.order]
+        return forecast.fast_errors(serving.order, times_along(run, begun, last, GRID_POINTS))
     assert surface is not None
-    return surface.fast_errors(times)
+    return surface.fast_errors(times_along(surface.run, begun, last, GRID_POINTS))
 
 
 def _fast_measured(forecast: Forecast, order: int, scene: Scene, times: Interval, rtol: float) -> float:

@@ -54,6 +54,14 @@ class Failure(StrEnum):
     END = "the reduced run ends"
 
 
+def times_along(run: Trajectory, first: float, last: float, count: int) -> np.ndarray:
+    """`count` times spread evenly, and eight times as many steps of the run at most: what passes early in a long span
+    lies there.
+    """
+    steps = run.t[(run.t > first) & (run.t < last)]
+    return np.union1d(np.linspace(first, last, count), steps[:: 1 + len(steps) // (8 * count)])
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Prediction:
     """Reduced `runs` by order over one span, and what they say about one another.
@@ -231,7 +239,7 @@ class Prediction:
             return after, self.end_of(order)
         why: Failure | None = None
         for _ in range(1 + REFINEMENTS):
-            times = np.linspace(low, high, CHECKS)
+            times = times_along(self.runs[order], low, high, CHECKS)
             found = self.failures(order, times, limit)
             first = next((i for i, failure in enumerate(found) if failure is not None), None)
             if first is None:

@@ -142,6 +142,15 @@ def test_the_predicted_error_of_order_n_falls_like_epsilon_to_the_n_plus_1() -> 
         assert np.log2(coarse / fine) == pytest.approx(n + 1, abs=0.1)
 
 
+def test_what_passes_early_in_a_long_span_is_seen() -> None:
+    """x' = -20 y, epsilon y' = x - y: at order 0 x is off by 400 epsilon t exp(-20 t), most at t = 1/20."""
+    system = SlowFastSystem(slow={x: -20 * y}, fast={y: x - y}, epsilon=eps)
+    scene = Scene(system, {"x": (0, 1)}, {"x": 1, "y": 1}, (0, 200), 0.001, tolerance=1e-3)
+    first = choose(scene, orders=(0, 1)).candidates[0]
+    assert first.predicted == pytest.approx(20 * 0.001 / np.e, rel=0.1)
+    assert first.failure is Failure.ERROR
+
+
 def test_the_prediction_agrees_with_the_residual_carried_by_the_slow_flow() -> None:
     # The second route: y is off by (g_y)^-1 times the residual of h_N; x' = f(x, h_N corrected) from the same start.
     asked = replace(models.load("michaelis_menten"), epsilon=0.01)
