@@ -10,9 +10,10 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.choice.forecast import Forecast, SurfaceForecast, surface_forecast_of
-from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction, times_along
+from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError, Status
 from gsp.integration.methods import SOLVERS, Method, choose_method
+from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
@@ -129,7 +130,7 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     else:
         holds, failure = prediction.holds_until(order, limit, after=after, last=last)
         # Infinite where a run has ended; then the reason says more.
-        times = times_along(prediction.runs[order], after, last, GRID_POINTS)
+        times = spread_times(prediction.runs[order], after, last, GRID_POINTS)
         predicted = float(forecast.errors(order, times).max())
         is_estimated = prediction.tells(order, times)
         if failure in (None, Failure.ERROR) and not is_estimated:
@@ -201,7 +202,7 @@ def solved_candidate(
     except GspError as error:
         return left_out(error.reason)
     after, last = scene.span[0] + forecast.layer, scene.span[1]
-    times = times_along(surface.run, after, last, GRID_POINTS)
+    times = spread_times(surface.run, after, last, GRID_POINTS)
     predicted, limit = float(surface.errors(times).max()), (1.0 - INTEGRATION) * scene.tolerance
 
     def again() -> Trajectory:

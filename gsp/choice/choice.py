@@ -30,9 +30,10 @@ from gsp.choice.candidates import (
 from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import Forecast, SurfaceForecast, forecast_of
 from gsp.choice.measured_errors import measured_where_untold
-from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure, times_along
+from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure
 from gsp.choice.verdict import Evidence, Verdict, in_words, judge, seconds_shown, serving_of
 from gsp.errors import NO_REASON, DeclarationError, GspError
+from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
@@ -264,9 +265,9 @@ def _fast_errors(
     begun = min(first + gone, last)
     if serving.order is not None:
         run = forecast.prediction.runs[serving.order]
-        return forecast.fast_errors(serving.order, times_along(run, begun, last, GRID_POINTS))
+        return forecast.fast_errors(serving.order, spread_times(run, begun, last, GRID_POINTS))
     assert surface is not None
-    return surface.fast_errors(times_along(surface.run, begun, last, GRID_POINTS))
+    return surface.fast_errors(spread_times(surface.run, begun, last, GRID_POINTS))
 
 
 def _fast_measured(forecast: Forecast, order: int, scene: Scene, times: Interval, rtol: float) -> float:

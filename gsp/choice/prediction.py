@@ -22,6 +22,7 @@ from gsp.algebra.switching_functions import switches
 from gsp.critical.sampling import Sampler
 from gsp.errors import Status
 from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.scenes.raw_states import BESIDE, RawStates
 from gsp.scenes.scene import Scene
@@ -52,14 +53,6 @@ class Failure(StrEnum):
     ORDER = "the series is past its best order"
     ERROR = "the predicted error passes the tolerance"
     END = "the reduced run ends"
-
-
-def times_along(run: Trajectory, first: float, last: float, count: int) -> np.ndarray:
-    """`count` times spread evenly, and eight times as many steps of the run at most: what passes early in a long span
-    lies there.
-    """
-    steps = run.t[(run.t > first) & (run.t < last)]
-    return np.union1d(np.linspace(first, last, count), steps[:: 1 + len(steps) // (8 * count)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -239,7 +232,7 @@ class Prediction:
             return after, self.end_of(order)
         why: Failure | None = None
         for _ in range(1 + REFINEMENTS):
-            times = times_along(self.runs[order], low, high, CHECKS)
+            times = spread_times(self.runs[order], low, high, CHECKS)
             found = self.failures(order, times, limit)
             first = next((i for i, failure in enumerate(found) if failure is not None), None)
             if first is None:

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from gsp.algebra.switching_functions import switches
 from gsp.critical.sampling import Sampler
-from gsp.errors import DeclarationError, Status
+from gsp.errors import DeclarationError, GspError, Status
 from gsp.fibres.inner_expansion import InnerExpansion
 from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
@@ -125,7 +127,27 @@ class ComparedRuns:
             }
             first += layer_time(self.inner, self.scene, epsilon, max(self.flows))
         begin = start if self.nesting is None else self.nesting.whole(start, epsilon)
-        return begin, slow_start, np.linspace(first, last, GRID_POINTS)
+        times = np.linspace(min(first, last), max(first, last), GRID_POINTS)
+        if self._lowest is not None:
+            times = spread_times(self._lowest, min(first, last), max(first, last), GRID_POINTS)
+        return begin, slow_start, times if last > first else times[::-1].copy()
+
+    @cached_property
+    def _lowest(self) -> Trajectory | None:
+        """A run of lowest order from the scene's start, whose way spreads the times: the same at every epsilon, lest
+        its power be that of the times. None for a start on a loss or in other names.
+        """
+        flow, scene = self.flows[min(self.flows)], self.scene
+        epsilon = None if flow.epsilon is None else scene.epsilon
+        last = scene.span[0] + self.direction * (scene.span[1] - scene.span[0])
+        try:
+            start = {name: scene.start[name] for name in self.slow}
+            return trajectory_of(
+                flow, start=start, span=(scene.span[0], last), epsilon=epsilon, rtol=RTOL,
+                atol=absolute_tolerance(RTOL, scene.region, scene.start),
+            )  # fmt: skip
+        except (GspError, KeyError):
+            return None
 
 
 def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: float) -> dict[str, float]:

@@ -192,7 +192,7 @@ def failure_map(
         places=Named(survey.claims() | no_slip_along(study, survey)),
         demands=Named({claim.method: claim for claim in demands}),
         best_order=survey.best_order,
-        runs=survey.runs + ladder.size * (2 * checked_tolerances.size + len(valid_orders) + 2),
+        runs=survey.runs + ladder.size * (2 * checked_tolerances.size + len(valid_orders) + 2) + 1,
     )
 
 

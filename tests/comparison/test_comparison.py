@@ -108,6 +108,15 @@ def test_no_power_is_expected_of_corrections_past_a_switch(f: sp.Expr, g: sp.Exp
     assert short.crossed == ()
 
 
+def test_what_passes_early_in_a_long_span_is_measured() -> None:
+    """x' = -20 y, epsilon y' = x - y: at order 0 x is off by 400 epsilon t exp(-20 t), most at t = 1/20."""
+    system = SlowFastSystem(slow={x: -20 * y}, fast={y: x - y}, epsilon=eps)
+    scene = Scene(system, {"x": (0, 1)}, {"x": 1, "y": 1}, (0, 200), 0.001, (0.002, 0.001))
+    found = compare(scene, orders=(0, 1))
+    assert found.errors[0][1] == pytest.approx(20 * 0.001 / np.e, rel=0.1)
+    assert found.slopes == pytest.approx(found.expected, abs=0.1)
+
+
 def test_progress_reaches_one() -> None:
     seen: list[float] = []
     compare(models.load("linear"), orders=(0,), progress=seen.append)
