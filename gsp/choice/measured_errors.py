@@ -10,6 +10,7 @@ from gsp.choice.candidates import GRID_POINTS, INTEGRATION, Candidate, Trial, me
 from gsp.choice.forecast import Forecast
 from gsp.choice.prediction import Failure
 from gsp.errors import GspError
+from gsp.integration.spread_times import spread_times
 from gsp.scenes.study import Study
 
 # Runs that are compared: far finer than any tolerance.
@@ -28,10 +29,8 @@ def measured_errors(
     first, last = scene.span
     if not layer < last - first:
         return {}
-    # What passes early in a long span lies between evenly spaced times, and at steps of the full run.
-    rtol = INTEGRATION * scene.tolerance
-    steps = run_model(study.system, study.start, scene, scene.span, rtol, max_steps=GRID_POINTS).t
-    times = np.union1d(np.linspace(first + layer, last, GRID_POINTS), steps[steps > first + layer])
+    full = run_model(study.system, study.start, scene, scene.span, INTEGRATION * scene.tolerance)
+    times = spread_times(full, first + layer, last, GRID_POINTS)
     exact = run_model(study.system, study.start, scene, scene.span, RTOL, at=times)
     if not exact.status.ok:
         return {}

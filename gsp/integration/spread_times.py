@@ -13,6 +13,10 @@ def spread_times(run: Trajectory, first: float, last: float, count: int) -> np.n
     """
     sizes = np.abs(run.y).max(axis=1, keepdims=True)
     gone = np.abs(np.diff(run.y / np.where(sizes > 0.0, sizes, 1.0), axis=1)).sum(axis=0)
-    way = np.append(0.0, np.cumsum(gone))
-    times = np.interp(np.linspace(0.0, way[-1], count), way, run.t)
-    return np.union1d(np.linspace(first, last, count), times[(times - first) * (times - last) < 0.0])
+    way, t = np.append(0.0, np.cumsum(gone)), run.t
+    if t[-1] < t[0]:
+        way, t = way[::-1], t[::-1]
+    begin, end = np.interp([first, last], t, way)
+    order = np.argsort(way, kind="stable")
+    times = np.interp(np.linspace(begin, end, count), way[order], t[order])
+    return np.union1d(np.linspace(first, last, count), times[(times > first) & (times < last)])

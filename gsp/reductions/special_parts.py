@@ -16,6 +16,7 @@ from gsp.algebra.laurent import laurent
 from gsp.choice.candidates import GRID_POINTS, LARGEST_LAYER
 from gsp.choice.forecast import LAYER_LEFT
 from gsp.errors import GspError
+from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_function import compile_function
 from gsp.scales.small_parameter import SmallParameter
@@ -131,7 +132,7 @@ def _error(scene: Scene, run: Trajectory, small: SmallParameter) -> float:
     # As of any candidate: what is told behind a longer layer is told of the end of the run.
     if not begun - first <= LARGEST_LAYER * (last - first):
         return float("inf")
-    times = np.linspace(begun, last, GRID_POINTS)
+    times = spread_times(run, begun, last, GRID_POINTS)
     exact, kept = run.sample(times), own.sample(times)
     got = {name: kept[name] for name in names}
     assert small.graph is not None
