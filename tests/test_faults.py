@@ -152,6 +152,8 @@ def foreseen(runs, *, rate: float = 0.0) -> Prediction:
         eigenvalues=lambda z: -np.ones((len(z), 1)),
         tangential_rates=lambda z: np.full(len(z), rate),
         system=SimpleNamespace(x=(x,), y=(), states=(x, y)),
+        f=(),
+        g=(),
     )
     return Prediction(Series(), 0.1, runs, ("x",), {}, {}, sampler, 1e-6)  # pyright: ignore[reportArgumentType]
 
@@ -183,7 +185,7 @@ def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_the_whole(mo
     end = first + 0.25 * (last - first)
     prediction = SimpleNamespace(
         holds_until=lambda *a, **k: (end, Failure.ERROR),
-        runs={0: SimpleNamespace(status=Status.FOLD_REACHED)},
+        runs={0: SimpleNamespace(status=Status.FOLD_REACHED, t=np.array([first, last]), y=np.ones((1, 2)))},
         covered=lambda order: last,
         tells=lambda order, times: True,
         crossing=lambda order: float("inf"),

@@ -101,9 +101,7 @@ def _zeros_of(expression: sp.Expr, clock: sp.Symbol, period: sp.Expr | None) -> 
     """The zeros of a polynomial or a wave, each once; of a polynomial with a `period` those of its linear factors."""
     if expression.is_polynomial(clock):
         # By its factors, since rounding would part roots that are one, and blur those that are close.
-        polynomial = sp.Poly(expression, clock)
-        factors = polynomial.factor_list()[1] if polynomial.degree() > 1 else [(polynomial, 1)]
-        for coefficients in (factor.all_coeffs() for factor, _ in factors):
+        for coefficients in (factor.all_coeffs() for factor, _ in sp.Poly(expression, clock).factor_list()[1]):
             if period is None:
                 yield Zeros(tuple(coefficients))
             elif len(coefficients) == 2:
