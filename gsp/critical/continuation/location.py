@@ -192,14 +192,15 @@ class _SpecialPointSearch:
 
     def _contacts(self) -> None:
         """Branch points of higher order, as where curves touch: g_u vanishes there faster than g_uu."""
-        scales = self.scales[0]
-        unit = scales[-self.problem.size :]
-        slopes = np.array([self.problem.jacobian(u) for u in self.points]) * scales / unit[:, None]
+        # Each row in the sizes that its variables have there: where one runs away it has another at the ends.
+        units = self.scales[:, -self.problem.size :, None]
+        slopes = np.array([self.problem.jacobian(u) for u in self.points]) * self.scales[:, None, :] / units
         sizes = np.linalg.svd(slopes, compute_uv=False)[:, -1]
         reach = np.full(len(sizes), np.inf)
         before, after = np.maximum.accumulate(sizes), np.maximum.accumulate(sizes[::-1])[::-1]
         for row in np.flatnonzero(sizes < SAME_PLACE * np.minimum(before, after)):
-            bent = self.problem.second(self.points[row]) * (scales[:, None] * scales) / unit[:, None, None]
+            size = np.multiply.outer(self.scales[row], self.scales[row])
+            bent = self.problem.second(self.points[row]) * size / units[row][:, None]
             reach[row] = sizes[row] / (np.abs(bent).max() or np.inf)
         edges = np.flatnonzero(np.diff(reach < SAME_PLACE, prepend=False, append=False))
         for a, b in edges.reshape(-1, 2):
