@@ -96,7 +96,7 @@ def _below_one(u: Any, power: int) -> Any:
     if not power:
         return sp.S.One
     twice = sp.Add(u, -_size(u))
-    # A product with 1 alone is one that SymPy's `cse` takes the sum's terms for factors of.
+    # Where a product holds a sum and 1 alone, SymPy's `cse` takes the terms of the sum for factors.
     exponent = twice if power == 2 else sp.Mul(sp.Rational(power, 2), twice, evaluate=False)
     return sp.exp(exponent, evaluate=False)
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from gsp.algebra.differentiation import derivative
 from gsp.algebra.functions import NON_SMOOTH
-from gsp.algebra.switching_functions import switches
+from gsp.algebra.sharing import unshared
+from gsp.algebra.switching_functions import nodes, switches
 
 # What oscillates at its own frequency is no pulse; a function of it may be a train of them.
 WAVES = (sp.sin, sp.cos)
@@ -52,16 +54,15 @@ def clocks(states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> tuple[Clock
     for i, rate in enumerate(rates):
         if rate != 0 and rate.free_symbols.isdisjoint(states):
             jumps = [switch.surface for switch in switches(rates, [states[i]])]
-            arguments = _arguments(rates, states[i])
-            clock = Clock(i, rate, *(_zeros(of, states, i, s) for s, of in enumerate((jumps, arguments))))
+            places = (_zeros(of, states, i, slopes) for slopes, of in enumerate((jumps, _arguments(rates))))
+            clock = Clock(i, rate, *places)
             if clock.switches or clock.peaks:
                 found.append(clock)
     return tuple(found)
 
 
-def _arguments(rates: Sequence[sp.Expr], clock: sp.Symbol) -> Iterator[sp.Expr]:
-    nodes = {node for rate in rates for node in rate.atoms(sp.Function, sp.Pow)}
-    for node in sorted(nodes, key=sp.default_sort_key):
+def _arguments(rates: Sequence[sp.Expr]) -> Iterator[sp.Expr]:
+    for node in nodes(rates, (sp.Function, sp.Pow)):
         # The square of a wave is one, its higher powers are ever narrower pulses.
         whole = node.is_Pow and node.exp.is_Integer and node.exp.is_positive
         if isinstance(node, (*WAVES, *NON_SMOOTH)) or (whole and (node.exp == 2 or not node.base.has(*WAVES))):
@@ -76,8 +77,8 @@ def _zeros(
     t, found = states[clock], dict[Zeros, None]()
     for expression in expressions:
         if t in expression.free_symbols and expression.free_symbols.isdisjoint({*states} - {t}):
-            line, period = _unfolded(expression, t)
-            for slope in (line, line.diff(t))[: slopes + 1]:
+            line, period = _unfolded(unshared(expression), t)
+            for slope in (line, derivative(line, t))[: slopes + 1]:
                 found |= dict.fromkeys(_zeros_of(slope, t, period) if slope.has(t) else ())
     return tuple(found)
 

@@ -209,6 +209,16 @@ def is_shared(expression: Expr) -> bool:
     return isinstance(expression, _Shared)
 
 
+def unshared(expression: Expr) -> Expr:
+    """`expression` as SymPy makes it, with nothing shared: for one that is short when it is written out."""
+    plain: dict[Expr, Expr] = {}
+    for part in parts_of(expression):
+        kind = next((kind.__mro__[2] for kind in _KINDS.values() if isinstance(part, kind)), part.func)
+        args = tuple(plain.get(inner, inner) for inner in part.args)
+        plain[part] = part if kind is part.func and args == part.args else kind(*args)
+    return plain.get(expression, expression)
+
+
 def named_parts(
     outputs: Sequence[Expr], names: Iterator[sp.Symbol], rule: Mapping[Expr, Expr]
 ) -> tuple[list[tuple[sp.Symbol, Expr]], list[Expr]]:

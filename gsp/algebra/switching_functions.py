@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from gsp.algebra.functions import NON_SMOOTH
+from gsp.algebra.sharing import is_shared, parts_of
 
 
 @dataclass(frozen=True)
@@ -22,11 +23,18 @@ def switches(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> 
     """The switching functions of `expressions` that depend on `variables`, each once up to its sign."""
     found: dict[sp.Expr, SwitchingFunction] = {}
     for expression in expressions:
-        for atom in sorted(expression.atoms(*NON_SMOOTH, sp.Pow), key=sp.default_sort_key):
+        for atom in nodes([expression], (*NON_SMOOTH, sp.Pow)):
             for surface in _surfaces(atom):
                 if surface.has(*variables) and surface not in found and -surface not in found:
                     found[surface] = SwitchingFunction(surface, str(atom))
     return tuple(found.values())
+
+
+def nodes(expressions: Sequence[sp.Expr], kinds: tuple[type, ...]) -> list[sp.Expr]:
+    """The different parts of the expressions that are of these kinds, each looked at once however often it is used."""
+    found = [part for part in parts_of(*expressions) if isinstance(part, kinds)]
+    # SymPy's order walks what is shared as often as it is used.
+    return found if any(map(is_shared, parts_of(*found))) else sorted(found, key=sp.default_sort_key)
 
 
 def _surfaces(atom: sp.Expr) -> list[sp.Expr]:

@@ -19,8 +19,8 @@ from gsp.systems.flow import Flow
 LOST = 36.0
 # A solution that has grown this much, by a power law that three of its points agree on, is blowing up.
 GROWN = 1e3
-# So many last steps tell that a run slides.
-LAST = 32
+# So many steps tell that a run goes to and fro.
+ENOUGH = 64
 _FAILED = (Status.NON_FINITE, Status.STEP_TOO_SMALL, Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN)
 
 
@@ -48,8 +48,8 @@ def explain(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Explan
     slides = None if status is Status.NON_FINITE else _sliding(flow, p, record)
     if slides is not None:
         return Explanation(
-            f"the field jumps at {slides} = 0 and points there from both sides: the run slides along it",
-            "give the fields of both sides to PiecewiseField, and run_piecewise follows the one that slides",
+            f"the run goes to and fro across {slides} = 0, where the field points there from both sides",
+            "where it jumps, give the fields of both sides to PiecewiseField: run_piecewise follows what slides",
         )
     if status in (Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN):
         return Explanation("", remedy_of(status, stats))
@@ -76,9 +76,9 @@ def _backward(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Expl
 
 
 def _sliding(flow: Flow, p: np.ndarray, record: RunRecord) -> str | None:
-    """The switching function of the rates about whose zeros the last steps go to and fro."""
-    found, states = switches(flow.rates, flow.states), record.states[-LAST:]
-    if not found or len(states) < LAST:
+    """The switching function of the rates about whose zeros the run goes to and fro in the second half of its steps."""
+    found, states = switches(flow.rates, flow.states), record.states[len(record.states) // 2 :]
+    if not found or len(states) < ENOUGH:
         return None
     surfaces = [switch.surface for switch in found]
     slopes = [derivative(surface, state) for surface in surfaces for state in flow.states]

@@ -11,12 +11,11 @@ def spread_times(run: Trajectory, first: float, last: float, count: int) -> np.n
     """`count` times from `first` to `last`, ascending, and as many of the run between at which its states have gone
     equal parts of their way, in units of their largest sizes: what passes early in a long span lies there.
     """
-    sizes = np.abs(run.y).max(axis=1, keepdims=True)
-    gone = np.abs(np.diff(run.y / np.where(sizes > 0.0, sizes, 1.0), axis=1)).sum(axis=0)
-    way, t = np.append(0.0, np.cumsum(gone)), run.t
-    if t[-1] < t[0]:
-        way, t = way[::-1], t[::-1]
+    forward = slice(None, None, 1 if run.t[-1] >= run.t[0] else -1)
+    t, y = run.t[forward], run.y[:, forward]
+    sizes = np.abs(y).max(axis=1, keepdims=True)
+    gone = np.abs(np.diff(y / np.where(sizes > 0.0, sizes, 1.0), axis=1)).sum(axis=0)
+    way = np.append(0.0, np.cumsum(gone))
     begin, end = np.interp([first, last], t, way)
-    order = np.argsort(way, kind="stable")
-    times = np.interp(np.linspace(begin, end, count), way[order], t[order])
+    times = np.interp(np.linspace(begin, end, count), way, t)
     return np.union1d(np.linspace(first, last, count), times[(times > first) & (times < last)])

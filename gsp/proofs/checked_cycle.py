@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from gsp.proofs.lettering import lettered
+from gsp.proofs.file_variables import lettered
 from gsp.results.bounds import at_least, at_most
 
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from gsp.proofs.checked_cycle import whole_rate
-from gsp.proofs.lettering import lettered
+from gsp.proofs.file_variables import lettered
 from gsp.results.bounds import as_given, at_least, at_most
 
 Side = tuple[float, float]

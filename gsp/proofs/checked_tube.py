@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from gsp.proofs.lettering import lettered
+from gsp.proofs.file_variables import lettered
 from gsp.results.bounds import at_least, at_most, shown_sides
 
 

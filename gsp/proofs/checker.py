@@ -16,9 +16,9 @@ from typing import Any
 
 from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
+from gsp.proofs.file_variables import lettered
 from gsp.proofs.interval_matrices import dot, is_positive, solved
 from gsp.proofs.intervals import Interval
-from gsp.proofs.lettering import lettered
 from gsp.proofs.programs import IntervalProgram, Rejected
 from gsp.results.bounds import as_given, at_least, shown_sides
 

@@ -4,6 +4,7 @@ import pytest
 import sympy as sp
 
 from gsp.algebra.clocks import clocks
+from gsp.algebra.sharing import plus, reciprocal, times
 
 x, t, w = sp.symbols("x t w")
 
@@ -67,6 +68,17 @@ def test_what_switches_with_the_states_or_varies_all_along_has_no_places(functio
 def test_zeros_that_are_close_are_zeros_of_their_own_polynomials() -> None:
     (clock,) = clocks((x, t), (sp.sign((t - 5) ** 2 - w**2 / 4) - x, sp.S.One))
     assert {z.numbers for z in clock.switches} == {(2, -w - 10), (2, w - 10)}
+
+
+def test_what_a_program_shares_is_looked_at_once_and_has_the_places_of_its_formula() -> None:
+    """Written out the rate would have 2^80 parts; `choose` on a forced model of order 2 ended in a defect."""
+    argument = times(plus([times(sp.Integer(100), t), sp.Integer(-300)]), reciprocal(w))
+    rate = plus([sp.tanh(argument), x])
+    for _ in range(80):
+        rate = plus([times(rate, rate), x])
+    (clock,) = clocks((x, t), (rate, sp.S.One))
+    assert [z.numbers for z in clock.peaks] == [(1, -3)]
+    assert clock.switches == ()
 
 
 def test_a_state_whose_rate_moves_is_no_clock() -> None:

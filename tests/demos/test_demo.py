@@ -216,36 +216,29 @@ span = [0, 5]
 """
 
 
+# The clock begins at 1 and goes twice as fast as time: a dose begins at 2 and takes half of w. The train has pulses
+# at T - 3, T and T + 3, and half of one where the run ends.
+ONE_PULSE = 0.5 * np.exp(-0.3)
+TRAIN = 0.75 * np.sqrt(0.002 / np.pi) * (1 + 0.001 / 8) * (np.exp([-0.45, -0.3, -0.15]).sum() + 0.5)
+
+
 @pytest.mark.parametrize(
-    ("pulse", "area"),
-    [("(sign(t - T) - sign(t - T - w))/(2*w)", 1.0), ("exp(-((t - T)/w)^2)/w", np.sqrt(np.pi))],
-    ids=["dose", "kick"],
+    ("pulse", "expected", "off"),
+    [
+        ("(sign(t - T) - sign(t - T - w))/(2*w)", ONE_PULSE, 2e-3),
+        ("exp(-((t - T)/w)^2)/w", np.sqrt(np.pi) * ONE_PULSE, 2e-3),
+        ("exp((cos(2*pi*(t - T)/3) - 1)/w)", TRAIN, 5e-3),
+    ],
+    ids=["dose", "kick", "train"],
 )
-def test_a_pulse_is_met_in_full_and_reduced_runs(pulse: str, area: float, opened) -> None:
-    page = opened(DOSE.replace("PULSE", pulse))
-    full, reduced = page.run(
+def test_pulses_are_met_in_full_and_reduced_runs(pulse: str, expected: float, off: float, opened) -> None:
+    full, reduced = opened(DOSE.replace("PULSE", pulse)).run(
         "const result = model.simulate(settingOf(initialState(data), data), [0]);"
         "const to = new Float64Array(model.n); const run = result.pieces[0].runs[0]; run.at(run.ended, to);"
         "return [Array.from(result.full.states.at(-1)), Array.from(to)];"
     )
-    # The clock is at T after two units of time, and goes by in half of w.
-    expected = 0.5 * area * np.exp(-0.3)
-    assert full[0] == pytest.approx(expected, rel=2e-3)
-    assert reduced[0] == pytest.approx(expected, rel=2e-3)
-
-
-def test_a_train_of_pulses_is_met_in_full_and_reduced_runs(opened) -> None:
-    page = opened(DOSE.replace("PULSE", "exp((cos(2*pi*(t - T)/3) - 1)/w)"))
-    full, reduced = page.run(
-        "const result = model.simulate(settingOf(initialState(data), data), [0]);"
-        "const to = new Float64Array(model.n); const run = result.pieces[0].runs[0]; run.at(run.ended, to);"
-        "return [Array.from(result.full.states.at(-1)), Array.from(to)];"
-    )
-    # A pulse of the area w^(1/2) 3/(2 pi)^(1/2) in t, half of it in time, at t = 2, 5, 8 and 11, where the run ends.
-    area = 0.5 * 3 * np.sqrt(0.001 / (2 * np.pi)) * (1 + 0.001 / 8)
-    expected = area * (np.exp(-0.45) + np.exp(-0.3) + np.exp(-0.15) + 0.5)
-    assert full[0] == pytest.approx(expected, rel=5e-3)
-    assert reduced[0] == pytest.approx(expected, rel=5e-3)
+    assert full[0] == pytest.approx(expected, rel=off)
+    assert reduced[0] == pytest.approx(expected, rel=off)
 
 
 @pytest.mark.exhaustive

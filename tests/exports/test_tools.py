@@ -271,7 +271,7 @@ def test_an_equation_that_gives_a_variable_over_a_sum_of_parameters_is_nothing_t
 
 
 def test_an_implicit_branch_moves_with_its_parameters() -> None:
-    # SymPy's `cse` takes the terms of a sum for factors where a product holds it and 1 alone: such are not written.
+    # SymPy's `cse` takes the terms of a sum for factors where a product holds it and 1 alone; none such is written.
     names = run_python(gsp.export(two_fast_variables(1), order=1, to="python"))
     flow = gsp.study(two_fast_variables(1.5)).reduced(1)
     start = flow.initial({"s": 0.4})

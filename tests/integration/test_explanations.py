@@ -123,13 +123,14 @@ def test_a_stiff_method_that_runs_out_of_steps_is_not_told_to_be_one() -> None:
         ({x: -sp.sign(x) - sp.Rational(1, 4)}, {"x": 1}, "x"),
         ({x: v, v: -x - sp.sign(v) / 2}, {"x": 2, "v": 0}, "v"),
         ({x: v, v: 10 - 20 * sp.Heaviside(v - 3, 0)}, {"x": 0, "v": 0}, "v - 3"),
+        ({x: -sp.sign(x) * sp.sqrt(sp.Abs(x))}, {"x": 1}, "x"),
     ],
-    ids=["a sink", "dry friction", "a governor"],
+    ids=["a sink", "dry friction", "a governor", "no jump"],
 )
 def test_a_run_that_slides_along_a_jump_is_told_so(rates: dict, start: dict, surface: str) -> None:
     run = integrate(VectorField(states=rates, epsilon=None), start=start, span=(0, 20), max_steps=3000)
     assert run.status in (Status.TOO_MANY_STEPS, Status.STEP_TOO_SMALL)
-    assert f"jumps at {surface} = 0 and points there from both sides" in run.message
+    assert f"to and fro across {surface} = 0, where the field points there from both sides" in run.message
     assert "run_piecewise" in run.message
 
 

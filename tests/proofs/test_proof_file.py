@@ -263,7 +263,7 @@ def test_the_checker_loads_nothing_of_the_prover() -> None:
     code = (
         "import sys, gsp.proofs.verification;"
         "own = {'band_checker', 'checked_cycle', 'checked_passage', 'checked_tube', 'checker', 'circuit_checker',"
-        " 'cycle_checker', 'passage_checker', 'second_derivatives', 'interval_matrices', 'intervals', 'lettering',"
+        " 'cycle_checker', 'file_variables', 'passage_checker', 'second_derivatives', 'interval_matrices', 'intervals',"
         " 'programs', 'quotients', 'rational_functions', 'tube_checker', 'untrusted', 'verification'};"
         "found = {name.split('.')[2] for name in sys.modules if name.startswith('gsp.proofs.')};"
         "assert found == own, found ^ own;"

@@ -9,7 +9,7 @@ import pytest
 from gsp.proofs.checked_cycle import CheckedAnnulus, CheckedCycle
 from gsp.proofs.checked_passage import CheckedDelay, CheckedPassage
 from gsp.proofs.checker import Checked
-from gsp.proofs.lettering import lettered
+from gsp.proofs.file_variables import lettered
 
 
 @pytest.mark.parametrize(
