@@ -32,7 +32,7 @@ class Clock:
     """The state number `state` and its `rate`.
 
     A rate has a kink or a jump in the zeros `switches`; in the zeros `peaks` a smooth function in a rate is steepest or
-    largest.
+    largest, or has changed by its own size.
     """
 
     state: int
@@ -44,7 +44,9 @@ class Clock:
 def clocks(states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> tuple[Clock, ...]:
     """The clocks among `states` of which `rates` hold functions that switch or peak.
 
-    A function of p(t), a polynomial or a wave, is steepest where p = 0, largest where p' = 0, or neither.
+    A function of p(t), a polynomial or a wave, also of a logarithm, an exponential or a power of one, is steepest where
+    p = 0, largest where p' = 0, or neither. Where p' has no zero the function changes from p = -1 to p = 1 and little
+    beyond: beside a jump, as that of u exp(-u) at u = 0, that is all that tells how narrow it is.
 
     >>> t, x, w = sp.symbols("t x w")
     >>> clocks((x, t), (sp.exp(-(((t - 5) / w) ** 2)) - x, sp.S.One))[0].peaks
@@ -54,8 +56,7 @@ def clocks(states: Sequence[sp.Symbol], rates: Sequence[sp.Expr]) -> tuple[Clock
     for i, rate in enumerate(rates):
         if rate != 0 and rate.free_symbols.isdisjoint(states):
             jumps = [switch.surface for switch in switches(rates, [states[i]])]
-            places = (_zeros(of, states, i, slopes) for slopes, of in enumerate((jumps, _arguments(rates))))
-            clock = Clock(i, rate, *places)
+            clock = Clock(i, rate, _zeros(jumps, states, i), _zeros(_arguments(rates), states, i, peaks=True))
             if clock.switches or clock.peaks:
                 found.append(clock)
     return tuple(found)
@@ -71,16 +72,35 @@ def _arguments(rates: Sequence[sp.Expr]) -> Iterator[sp.Expr]:
 
 
 def _zeros(
-    expressions: Iterable[sp.Expr], states: Sequence[sp.Symbol], clock: int, slopes: int
+    expressions: Iterable[sp.Expr], states: Sequence[sp.Symbol], clock: int, *, peaks: bool = False
 ) -> tuple[Zeros, ...]:
-    """The zeros of the expressions of the clock alone and of so many of their derivatives."""
+    """The zeros of expressions p of the clock alone; for `peaks` of p' too, or where it has none of p + 1 and p - 1."""
     t, found = states[clock], dict[Zeros, None]()
     for expression in expressions:
         if t in expression.free_symbols and expression.free_symbols.isdisjoint({*states} - {t}):
-            line, period = _unfolded(unshared(expression), t)
-            for slope in (line, derivative(line, t))[: slopes + 1]:
-                found |= dict.fromkeys(_zeros_of(slope, t, period) if slope.has(t) else ())
+            for smooth in _branches(unshared(expression)):
+                line, period = _unfolded(smooth, t)
+                found |= dict.fromkeys(_zeros_of(line, t, period))
+                if peaks:
+                    flat = list(_zeros_of(derivative(line, t), t, period))
+                    found |= dict.fromkeys(
+                        flat or [*_zeros_of(line + 1, t, period), *_zeros_of(line - 1, t, period)]
+                    )
     return tuple(found)
+
+
+def _branches(expression: sp.Expr) -> Iterator[sp.Expr]:
+    """The smooth expressions of which one with kinks is made; it alone where it has several kinks side by side."""
+    kinks = expression.atoms(sp.Abs, sp.Max, sp.Min)
+    outer = [k for k in kinks if not any(k is not other and other.has(k) for other in kinks)]
+    if len(outer) != 1:
+        # Each would double their number.
+        yield expression
+        return
+    (kink,) = outer
+    parts = (kink.args[0], -kink.args[0]) if isinstance(kink, sp.Abs) else kink.args
+    for part in parts:
+        yield from _branches(expression.xreplace({kink: part}))
 
 
 def _unfolded(expression: sp.Expr, clock: sp.Symbol) -> tuple[sp.Expr, sp.Expr | None]:
@@ -99,7 +119,12 @@ def _unfolded(expression: sp.Expr, clock: sp.Symbol) -> tuple[sp.Expr, sp.Expr |
 
 
 def _zeros_of(expression: sp.Expr, clock: sp.Symbol, period: sp.Expr | None) -> Iterator[Zeros]:
-    """The zeros of a polynomial or a wave, each once; of a polynomial with a `period` those of its linear factors."""
+    """The zeros of a polynomial or a wave, each once, or of a polynomial in a function that has an inverse.
+
+    With a `period` those of a polynomial's linear factors.
+    """
+    if not expression.has(clock):
+        return
     if expression.is_polynomial(clock):
         # By its factors, since rounding would part roots that are one, and blur those that are close.
         for coefficients in (factor.all_coeffs() for factor, _ in sp.Poly(expression, clock).factor_list()[1]):
@@ -109,6 +134,7 @@ def _zeros_of(expression: sp.Expr, clock: sp.Symbol, period: sp.Expr | None) -> 
                 slope, rest = sp.pi / period, coefficients[1] / coefficients[0]
                 yield Zeros((slope, slope * rest, sp.S.One, sp.S.Zero, sp.S.Zero), is_wave=True)
         return
+    yield from _zeros_of_inverse(expression, clock, period)
     waves = sorted((w for w in expression.atoms(*WAVES) if w.has(clock)), key=sp.default_sort_key)
     angles = {wave.args[0] for wave in waves}
     if len(angles) != 1 or not (angle := angles.pop()).is_polynomial(clock):
@@ -123,3 +149,31 @@ def _zeros_of(expression: sp.Expr, clock: sp.Symbol, period: sp.Expr | None) -> 
         return
     sine, cosine = (sum(terms.coeff_monomial(of[w]) for w in waves if isinstance(w, kind)) for kind in WAVES)
     yield Zeros((slope, phase[0], sp.S(sine), sp.S(cosine), terms.coeff_monomial(1)), is_wave=True)
+
+
+def _zeros_of_inverse(expression: sp.Expr, clock: sp.Symbol, period: sp.Expr | None) -> Iterator[Zeros]:
+    """The zeros of a rational function of one logarithm, exponential or root of the clock, by its linear factors."""
+    top = sp.fraction(sp.together(expression))[0]
+    if top.is_polynomial(clock):
+        yield from _zeros_of(top, clock, period)
+        return
+    inner = [
+        n for n in top.atoms(sp.log, sp.exp, sp.Pow) if n.has(clock) and not (n.is_Pow and n.exp.is_Integer)
+    ]
+    outer = [node for node in inner if not any(node is not other and other.has(node) for other in inner)]
+    of = sp.Dummy()
+    if len(outer) != 1 or (flat := top.xreplace({outer[0]: of})).has(clock) or not flat.is_polynomial(of):
+        return
+    for coefficients in (factor.all_coeffs() for factor, _ in sp.Poly(flat, of).factor_list()[1]):
+        if len(coefficients) == 2:
+            argument, value = _inverse(outer[0], -coefficients[1] / coefficients[0], clock)
+            if not value.has(sp.I, sp.nan, sp.zoo, sp.oo):
+                yield from _zeros_of(argument - value, clock, period)
+
+
+def _inverse(function: sp.Expr, value: sp.Expr, clock: sp.Symbol) -> tuple[sp.Expr, sp.Expr]:
+    """The argument of a logarithm, an exponential or a root, and what it is where the function has the value."""
+    if isinstance(function, sp.log):
+        return function.args[0], sp.exp(value)
+    base, power = function.as_base_exp()
+    return (power, sp.log(value) / sp.log(base)) if power.has(clock) else (base, value ** (1 / power))

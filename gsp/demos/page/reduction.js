@@ -73,7 +73,6 @@ function makeModel(data, program) {
   // Where steps end: before and after the jumps that a clock makes, and on the pulses that it makes.
   function pulsesOf(s, most) {
     const [first, last] = s.span;
-    const beside = 16 * Number.EPSILON * Math.max(Math.abs(first), Math.abs(last));
     const values = new Float64Array(model.pulses.reduce((sum, { zeros }) => zeros.reduce((m, z) => m + z.numbers, sum + 1), 0));
     program.pulses(s.start, constants(s), values);
     let next = 0;
@@ -84,8 +83,11 @@ function makeModel(data, program) {
         const given = Array.from(values.subarray(next, (next += numbers)));
         const ends = [now, now + rate * (last - first)].sort((a, b) => a - b);
         const places = wave ? zerosOfWave(given, ...ends, most) : zerosOfPolynomial(given);
-        const times = places.map((place) => first + (place - now) / rate);
-        return jumps ? times.flatMap((t) => [t - beside, t + beside]) : times;
+        return places.flatMap((place) => {
+          const time = first + (place - now) / rate;
+          const beside = 16 * Number.EPSILON * Math.max(...[first, last, place / rate, now / rate].map(Math.abs));
+          return jumps ? [time - beside, time + beside] : [time];
+        });
       });
     });
   }
