@@ -90,8 +90,7 @@ class Candidate:
 
     @property
     def follows(self) -> bool:
-        """Whether the rest follows an attracting slow manifold to the end; a region found by a run is no limit."""
-        # A measurement over the whole span goes before these: of what is predicted, and of a region that a run found.
+        """Whether the rest follows an attracting slow manifold to the end, if one that leaves the region."""
         return self.valid or self.failure in (Failure.ERROR, Failure.UNTOLD, Failure.REGION)
 
     @property
@@ -238,11 +237,14 @@ def _held(surface: SurfaceForecast, times: np.ndarray, limit: float) -> float:
 
 
 def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
-    """The trial with its error over the span, which was measured: it goes before what is predicted of it."""
+    """The trial with its error over the span, which was measured: it goes before what is predicted of it.
+
+    What leaves the region that was asked about does not serve, however small its error is.
+    """
     candidate = trial.candidate
-    if not candidate.follows:
-        return trial
     serves = error <= scene.tolerance
+    if not candidate.follows or (serves and candidate.failure is Failure.REGION):
+        return trial
     found = replace(
         candidate,
         predicted=error,

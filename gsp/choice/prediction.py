@@ -61,7 +61,8 @@ class Prediction:
 
     `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to; `rtol`
     is what the runs were asked for. Up to the time `settled` the solution is not near the manifold yet; `landed` (n,)
-    is where its layer leads on M0, if one comes first. `raw` has the region in the states of a field that was split.
+    is where its layer leads on M0, if one comes first. `limits` are what a run may not leave, and `raw` has them in the
+    states of a field that was split.
     """
 
     series: SeriesManifold
@@ -69,6 +70,7 @@ class Prediction:
     runs: Mapping[int, Trajectory]
     names: tuple[str, ...]
     region: Mapping[str, Interval]
+    limits: Mapping[str, Interval]
     least_scale: Mapping[str, float]
     sampler: Sampler
     rtol: float
@@ -198,24 +200,23 @@ class Prediction:
         return np.stack([found[s.name] for s in self.sampler.system.states], axis=1)
 
     def inside(self, run: Trajectory, states: np.ndarray, *, within: float = 0.0) -> np.ndarray:
-        """Which of `states` (m, n) of a run are in the region, or no further out than where it begins, or than the run
+        """Which of `states` (m, n) of a run are within the limits, or no further out than where it begins, or than it
         may be off: a share `within` of what an error is relative to, or of a side where that is not known.
 
         The region of a field that was split bounds its raw states, whichever of them became fast coordinates.
-        The base point of a start on the region's edge lies beyond it by as much as its fibre carries it.
+        Where the layer leads within a limit the run may begin beyond it: by as much as the fibre carries a base point.
         """
         system = self.sampler.system
-        points = np.vstack([[run[s.name][0] for s in system.states], states])
-        values, region = dict(zip((s.name for s in system.states), points.T)), self.region
-        widened = {s.name for s in system.x}
+        first = [run[s.name][0] for s in system.states]
+        points = np.vstack([first if self.landed is None else self.landed, first, states])
+        values, region = dict(zip((s.name for s in system.states), points.T)), self.limits
         if self.raw is not None:
             values, region = self.raw.values(points), self.raw.region
-            widened = set(region)
         good = np.ones(len(states), dtype=bool)
         for name, (low, high) in region.items():
-            first, later = values[name][0], values[name][1:]
+            (landed, first), later = values[name][:2], values[name][2:]
             slack = max(BESIDE * (high - low), within * self.scale.get(name, high - low))
-            if name in widened:
+            if low - slack <= landed <= high + slack:
                 low, high = min(low, first), max(high, first)
             good &= ~((later < low - slack) | (later > high + slack))
         return good
@@ -368,8 +369,9 @@ def predict(
         runs,
         tuple(least_scale),
         region,
+        study.scene.limits,
         least_scale,
         sampler or Sampler(series.branch),
         rtol,
-        raw=None if study.splitting is None else RawStates(study.splitting, study.scene.region),
+        raw=None if study.splitting is None else RawStates(study.splitting, study.scene.limits),
     )

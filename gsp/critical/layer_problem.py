@@ -222,7 +222,8 @@ def natural_scales(
 
     The last is the least size at which a column of g_u or of g_uu weighs as much as the others do, so that scaling
     a variable scales it. It counts also where |u| is nothing beside it but rounding. Where g tells nothing the size is
-    |u| if that is `above` this, else 1, or for several fast variables what balances g_y among them.
+    |u| if that is `above` this, or of a fast variable no rounding of the size at which g bends in it alone; else 1, or
+    for several fast variables what balances g_y among them.
     """
     names = [s.name for s in problem.unknowns]
     scales = np.array([bounds[n][1] - bounds[n][0] if n in bounds else abs(v) for n, v in zip(names, u)])
@@ -239,7 +240,7 @@ def natural_scales(
             if given[j] <= NOTHING * matters:
                 bent = np.sqrt(_least(2.0 * total, np.abs(problem.second(u)[:, j, j])))
                 matters = min(matters, bent)
-                if matters == np.inf and given[j] > above:
+                if matters == np.inf and given[j] > min(above, NOTHING * _size_by_itself(problem, u, j)):
                     continue
                 scales[j] = matters if given[j] <= NOTHING * matters else given[j]
     known = (scales > 0.0) & np.isfinite(scales)
@@ -249,6 +250,20 @@ def natural_scales(
         unsized = np.flatnonzero(~known[fast:])
         scales[fast + unsized] = _balanced(weights[np.ix_(unsized, fast + unsized)])
     return scales
+
+
+def _size_by_itself(problem: Bent, u: np.ndarray, j: int) -> float:
+    """The least size of a fast variable at which a later term of g's series in it weighs as much as the first."""
+    if not isinstance(problem, LayerProblem) or (fast := j - len(u) + len(problem.system.y)) < 0:
+        return float("inf")
+    along = np.eye(len(problem.system.y))[fast]
+    first, second = np.abs(problem.jacobian(u)[:, j]), 0.5 * np.abs(problem.second(u)[:, j, j])
+    third = np.abs(problem.third(u)(along, along, along)) / 6.0
+    return (
+        min(_least(first, second), float(np.sqrt(_least(first, third))))
+        if first.any()
+        else _least(second, third)
+    )
 
 
 def _balanced(block: np.ndarray) -> np.ndarray:

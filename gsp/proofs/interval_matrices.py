@@ -85,7 +85,7 @@ def symmetric(w: Matrix, q: list[int], side: int, i: int, j: int) -> Interval:
 
 
 def up(product: int) -> int:
-    """A product of two whole numbers in units of 2^-192, in units of 2^-96, rounded up."""
+    """A product of two whole numbers in units of 2^-384, in units of 2^-192, rounded up."""
     return -(-product >> ia.SHIFT)
 
 

@@ -1,4 +1,4 @@
-"""Interval arithmetic in whole numbers, for the checker: an interval is a pair (low, high) in units of 2^-96.
+"""Interval arithmetic in whole numbers, for the checker: an interval is a pair (low, high) in units of 2^-192.
 
 Only the standard library is used, and nothing of the prover. Every operation rounds its lower end down and its upper
 end up. Elementary functions are summed as Taylor series by the same operations, with a bound on what is left off.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-SHIFT = 96
+SHIFT = 192
 ONE = 1 << SHIFT
 Interval = tuple[int, int]
 ZERO: Interval = (0, 0)
@@ -18,7 +18,7 @@ UNIT: Interval = (ONE, ONE)
 LARGEST_EXPONENT = 2000 * ONE
 TERMS = 40
 # An exponential is summed in units of 2^-FINE: u < 2^-HALVINGS, and u^FINE_TERMS/FINE_TERMS! < 2^-FINE.
-FINE, HALVINGS, FINE_TERMS = 128, 6, 15
+FINE, HALVINGS, FINE_TERMS = 224, 6, 25
 # Beyond doubles, and squares of them: whole numbers do not grow without end.
 LARGEST = ONE << 4096
 _LARGEST_PRODUCT = LARGEST << SHIFT
@@ -189,8 +189,7 @@ def _log(x: int) -> Interval:
         raise OutOfDomain("a logarithm that was not found")
     low, high = sorted((k * LOG_2, k * (LOG_2 + 1)))
     twos = low >> (FINE - SHIFT), -(-high >> (FINE - SHIFT))
-    # u - u^2 <= log(1 + u) <= u for |u| <= 1/2.
-    return add(twos, add(y, (u[0] - multiply(u, u)[1], u[1])))
+    return add(twos, add(y, _alternating(u, 1)))
 
 
 def tanh(a: Interval) -> Interval:
@@ -199,8 +198,8 @@ def tanh(a: Interval) -> Interval:
 
 
 def _tanh(x: int) -> Interval:
-    if abs(x) > 64 * ONE:
-        # 1 - tanh(64) is below 2^-96.
+    if abs(x) > SHIFT // 2 * ONE:
+        # 1 - tanh(n/2) = 2/(exp(n) + 1) is below 2^-n for n > 3.
         return (ONE - 1, ONE) if x > 0 else (-ONE, 1 - ONE)
     return subtract(UNIT, divide((2 * ONE, 2 * ONE), add(_exp(2 * x), UNIT)))
 
@@ -286,9 +285,8 @@ def atan(a: Interval) -> Interval:
 def _atan(x: int) -> Interval:
     # atan x = y + atan u, u = (x - tan y)/(1 + x tan y), with y a double near it and u of the order of rounding.
     if abs(x) > ONE << 64:
-        # Within 2^-64 of the limit.
-        low, high = (HALF_PI[0] - (ONE >> 64) - 1, HALF_PI[1])
-        return (low, high) if x > 0 else (-high, -low)
+        # Else the tangent would divide by next to nothing.
+        return subtract(HALF_PI if x > 0 else negative(HALF_PI), _alternating(divide(UNIT, (x, x)), 2))
     rough = math.atan(x / ONE)
     if not (abs(rough) < 1.6 and (rough >= 0.0) == (x >= 0)):
         raise OutOfDomain("an inverse tangent that was not found")
@@ -298,8 +296,17 @@ def _atan(x: int) -> Interval:
     u = divide(subtract(number, tangent), add(UNIT, multiply(number, tangent)))
     if magnitude(u) > ONE >> 8:
         raise OutOfDomain("an inverse tangent that was not found")
-    cube = magnitude(multiply(multiply(u, u), u))
-    return add(y, (u[0] - cube, u[1] + cube))
+    return add(y, _alternating(u, 2))
+
+
+def _alternating(u: Interval, step: int) -> Interval:
+    """The sum of (-1)^j u^k/k over k = 1 + j `step` for |u| <= 2^-8: log(1 + u) for step 1, and atan u for step 2."""
+    factor, term, total, k = negative(power(u, step)), u, u, 1
+    while magnitude(term) > 1:
+        term, k = multiply(term, factor), k + step
+        total = add(total, _over(term, k))
+    # Each term that is left out is below 2^-8 of the one before.
+    return total[0] - 1, total[1] + 1
 
 
 def _machin() -> Interval:

@@ -87,6 +87,8 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
             why_not = "to leading orders the error is more than a tenth: nothing is separated"
         if not why_not and not error <= scene.tolerance:
             why_not = "the error passes the tolerance"
+        if not why_not and c.failure is Failure.REGION:
+            why_not = c.why_not
         gap = gaps[part.count - 1]
         # What is predicted to serve as well does so by no chance.
         is_foretold = c.valid and not c.is_measured

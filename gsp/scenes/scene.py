@@ -69,7 +69,8 @@ class Scene(Question, Card):
     `ramps` are `gsp.scenes.ramp_question.RampQuestion` by name: how parameters move, and near which edge state.
     `phase` says which states turn fast, `gsp.FastPhase`: what moves slowly is averaged over it.
     `worked_out` says what a foreign file works out of a parameter once, when it is read: another value of that alone
-    would ask about another model than the file's. It is no part of what the scene asks, and is not written.
+    would ask about another model than the file's. It is no part of what the scene asks, and is not written; nor are
+    `found_bounds`, those of the region that `take_small` and `take_fast` found from a run.
 
     Stored: `region` {name: (float, float)}, `start` {state name: float}, `reconstruction_start` {name: float}.
     Raises `DeclarationError`, naming the fact, the value and the remedy.
@@ -104,6 +105,7 @@ class Scene(Question, Card):
     ramps: Mapping[str, RampQuestion] = field(default_factory=dict)
     phase: FastPhase | None = None
     worked_out: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    found_bounds: Mapping[str, Interval] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
@@ -175,6 +177,11 @@ class Scene(Question, Card):
     def has_small(self) -> bool:
         """Whether the system has a small parameter; where it has none, `epsilon` is None and `epsilons` is empty."""
         return self.system.epsilon is not None
+
+    @property
+    def limits(self) -> Mapping[str, Interval]:
+        """The bounds of the region that somebody gave: a run that leaves these goes where nobody asked about."""
+        return {name: ends for name, ends in self.region.items() if self.found_bounds.get(name) != ends}
 
     def _checked_epsilons(self) -> tuple[float, ...]:
         """The ladder, once `epsilon` is checked."""

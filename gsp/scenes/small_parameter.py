@@ -91,8 +91,8 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
         system=field,
         epsilon=value,
         epsilons=None,
-        region=_bounds(plain, unbounded),
         phase=phase,
+        **_bounds(plain, unbounded),
         **changes,
     )
 
@@ -157,7 +157,7 @@ def take_fast(scene: Scene, *, variables: Iterable[str]) -> Scene:
 def with_bookkeeping(scene: Scene, system: SlowFastSystem | VectorField, fast: Iterable[str]) -> Scene:
     """The scene with a system that is its own at epsilon = 1; `fast` states get no new bounds."""
     ladder = tuple(BOOKKEEPING * share for share in LADDER)
-    return replace(scene, system=system, epsilon=BOOKKEEPING, epsilons=ladder, region=_bounds(scene, fast))
+    return replace(scene, system=system, epsilon=BOOKKEEPING, epsilons=ladder, **_bounds(scene, fast))
 
 
 def without_small(scene: Scene) -> Scene:
@@ -229,8 +229,9 @@ def unused_epsilon(flow: VectorField) -> sp.Symbol:
     return sp.Symbol(next(word for word in words if word not in taken))
 
 
-def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
-    """The region, with an interval for every state that has none and is not among the `fast`, unless all are.
+def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Mapping[str, Interval]]:
+    """The `region`, with an interval for every state that has none and is not among the `fast`, unless all are, and
+    these as `found_bounds`.
 
     The interval is that in which the run from the start stays, or one around the start for a state that stays there,
     without what no run from positive values reaches.
@@ -258,7 +259,8 @@ def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
         for name in _never_negative(scene.full_flow, [s for s in flow.states if run[s].min() >= 0.0]):
             if name in missing:
                 region[name] = max(region[name][0], 0.0), region[name][1]
-    return region
+    found = {**scene.found_bounds, **{name: region[name] for name in missing}}
+    return {"region": region, "found_bounds": found}
 
 
 def _largest(run: Trajectory, name: str, sign: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gsp.proofs import checker
+from gsp.proofs.intervals import SHIFT
 from tests import proof_files
 from tests.proof_files import row
 
@@ -165,10 +166,10 @@ def test_an_image_that_reaches_the_side_of_the_tube_is_not_inside(sign: str) -> 
 
 @pytest.mark.parametrize("sign", ["", "-"])
 def test_what_is_less_than_a_unit_is_rounded_against_the_claim(sign: str) -> None:
-    unit = 2.0**-96
+    unit, most = 2.0**-SHIFT, SHIFT - 6
     # The image is one unit from the middle; a radius is rounded down.
     for radius, said in ((1.0, False), (1.5, False), (2.5, True)):
-        assert holds(single([f"-z1 + ({sign}1/{2**96})"], radius=[radius * unit])) is said
+        assert holds(single([f"-z1 + ({sign}1/{2**SHIFT})"], radius=[radius * unit])) is said
     # A box that ends half a unit from 0 reaches it.
     ends = (0.5 * unit, 1.0) if not sign else (-1.0, -0.5 * unit)
     assert not holds(single([f"-z1 + 0*sqrt({sign}z0)"], box=ends, middle=[0.5 * sum(ends)]))
@@ -176,10 +177,12 @@ def test_what_is_less_than_a_unit_is_rounded_against_the_claim(sign: str) -> Non
     assert holds(single([f"-z1 + 0*sqrt({sign}z0)"], box=ends, middle=[0.5 * sum(ends)]))
     # A rate of 64 units; the claim is rounded up. What is off the diagonal is halved away from 0.
     for gap, said in ((62.5, True), (63.0, True), (63.5, False), (64.0, False)):
-        assert holds(single([f"-z1/{2**90}"], gap=gap * unit, inverse=[-(2.0**90)])) is said
-    rates = [f"-z1/{2**90} + ({sign}z2)/{2**96}", f"-z2/{2**90}"]
+        assert holds(single([f"-z1/{2**most}"], gap=gap * unit, inverse=[-(2.0**most)])) is said
+    rates = [f"-z1/{2**most} + ({sign}z2)/{2**SHIFT}", f"-z2/{2**most}"]
     for gap, said in ((62.0, True), (63.0, False)):
-        plain = single(rates, gap=gap * unit, inverse=[-(2.0**90), 0.0, 0.0, -(2.0**90)], radius=[2.0**-3] * 2)
+        plain = single(
+            rates, gap=gap * unit, inverse=[-(2.0**most), 0.0, 0.0, -(2.0**most)], radius=[2.0**-3] * 2
+        )
         assert holds(plain) is said
 
 

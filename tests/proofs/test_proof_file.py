@@ -274,13 +274,13 @@ def test_the_checker_loads_nothing_of_the_prover() -> None:
 
 @pytest.mark.exhaustive
 def test_what_the_checker_refuses_is_told_with_its_place_its_reason_and_the_remedy(tmp_path: Path) -> None:
-    # States of 1e-27, near what the checker rounds to.
-    small = branch({y: x - y - 10**27 * y**2}, through={"x": 1e-28, "y": 1e-28})
-    found = certify(small, region={"x": (0, 1e-27)})
+    # States of 1e-56, near what the checker rounds to.
+    small = branch({y: x - y - 10**56 * y**2}, through={"x": 1e-57, "y": 1e-57})
+    found = certify(small, region={"x": (0, 1e-56)})
     assert found.verdict is gsp.ProofVerdict.PROVED
     with pytest.raises(GspError) as caught:
         found.save(tmp_path / "proof.json")
     told = str(caught.value)
-    assert "over x in [0, 9.765625e-31], it says: Krawczyk's condition fails" in told
+    assert "over x in [0, 9.765625e-60], it says: Krawczyk's condition fails" in told
     assert "larger units" in told
-    assert "2^-96" in told
+    assert "2^-192" in told

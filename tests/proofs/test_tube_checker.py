@@ -13,11 +13,12 @@ from typing import Any
 
 import pytest
 
-from gsp.proofs import tube_checker
+from gsp.proofs import intervals, tube_checker
 from gsp.proofs.programs import Rejected
 from tests import proof_files
 
 NEAR = 2.0**-20
+UNIT = 2.0**-intervals.SHIFT
 holds = partial(proof_files.holds, tube_checker.check)
 
 
@@ -301,19 +302,19 @@ def test_the_other_directions_of_a_cone_count_by_half(sign: int) -> None:
 
 
 def test_what_is_less_than_the_checker_resolves_is_rounded_against_the_claim() -> None:
-    # y = 0 is invariant, and tubes about it may be as thin as they like; the unit is 2^-96.
+    # y = 0 is invariant, and tubes about it may be as thin as they like; the unit is 2^-192.
     plain = cone(proof(epsilon=0.0625), slope=16.0) | {
         "equations": ["-z1"],
         "remainder": ["-z1"],
         "series": [["0"]],
     }
     for reach, said in ((1.5, False), (1.75, False), (2.5, True)):
-        thin = {"widths": [(1.625 * 2.0**-96).hex()], "reach": [(reach * 2.0**-96).hex()]}
+        thin = {"widths": [(1.625 * UNIT).hex()], "reach": [(reach * UNIT).hex()]}
         assert holds(plain | thin) is said
 
 
 def test_every_product_of_a_margin_is_rounded_against_the_claim() -> None:
-    # epsilon z_0' = -z_0 + 3/5 z_1 + 3/5 z_2, |z_1| and |z_2| in one unit of 2^-96: 6/5 of one, and 1 + 1 rounded.
+    # epsilon z_0' = -z_0 + 3/5 z_1 + 3/5 z_2, |z_1| and |z_2| in one unit of 2^-192: 6/5 of one, and 1 + 1 rounded.
     plain = cone(proof(epsilon=0.0625), slope=16.0) | {
         "fast": ["u", "v", "w"],
         "equations": ["-z1 + 3/5*z2 + 3/5*z3", "-z2", "-z3"],
@@ -322,10 +323,10 @@ def test_every_product_of_a_margin_is_rounded_against_the_claim() -> None:
         "basis": [str(int(i == j)) for i in range(3) for j in range(3)],
         "blocks": [[0], [1], [2]],
         "signs": [-1] * 3,
-        "reach": [(2.0**-90).hex()] * 3,
+        "reach": [(64 * UNIT).hex()] * 3,
     }
     for units, said in ((1, False), (2, False), (3, True)):
-        assert holds(plain | {"widths": [(k * 2.0**-96).hex() for k in (units, 1, 1)]}) is said
+        assert holds(plain | {"widths": [(k * UNIT).hex() for k in (units, 1, 1)]}) is said
 
 
 def test_a_proof_takes_no_more_operations_than_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:

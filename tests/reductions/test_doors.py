@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from gsp.choice.choice import Choice, choose
-from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer
 from gsp.readers.loading import load_noted
 from gsp.reductions.reductions import find_reductions
@@ -39,10 +38,32 @@ def test_without_its_small_parameter_every_system_is_reduced_the_same_way_found_
     assert found.study is not None
     own = choose(found.study, fast=found.taken.counts_fast)
     named = choose(take_fast(plain, variables=names), fast=found.taken.counts_fast)
-    if any(c.failure is Failure.REGION for c in named.candidates):
-        # What is found is judged by its measured error alone, and may lie beside the region, as plankton's sheet does.
-        return
     assert serves(own) is serves(named)
+
+
+@pytest.mark.parametrize(("region", "answer"), [({}, True), ({"a": (0, 3)}, True), ({"a": (0, 2)}, False)])
+def test_a_region_that_was_given_and_not_found_is_a_limit(
+    region: dict[str, tuple[int, int]], answer: bool
+) -> None:
+    """a goes to 2.5."""
+    asked = replace(
+        scene({"a": "1", "b": "1000*(a - b)"}, {}, {"a": 1, "b": 1}, 1.5), region=region, tolerance=0.01
+    )
+    found = find_reductions(asked)
+    assert (found.recommended is not None) is answer
+    assert ("the region is left at t = 1" in str(found)) is not answer
+    assert serves(choose(take_fast(asked, variables=["b"]))) is answer
+
+
+@pytest.mark.exhaustive
+def test_bounds_that_a_run_found_do_not_limit_the_states_of_a_field_that_was_split() -> None:
+    """The fast one is off by more than the tolerance, beyond all that it was over the run; the slow sum is not."""
+    path = Path(__file__).parents[1] / "systems" / "brusselator.toml"
+    plain = replace(without_small(load_noted(path)[0]), region={}, tolerance=1e-2)
+    found = find_reductions(plain).recommended
+    assert found is not None
+    assert found.name == "partial equilibrium of y <-> x"
+    assert choose(found.scene, orders=(0,), solve=False).candidates[0].valid
 
 
 @pytest.mark.exhaustive

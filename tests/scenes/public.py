@@ -21,7 +21,7 @@ VERBS = {
         {**dict.fromkeys(("name", "title", "source", "description", "second"), kind("text")),
          "reconstruction_start": POINT, "path": kind(), "claims": kind("[]"), "starts": kind(inside=POINT),
          "units": kind(inside=kind("text")), "views": kind(), "contacts": kind(), "ramps": kind(), "phase": kind(),
-         "worked_out": kind(),
+         "worked_out": kind(), "found_bounds": kind(),
          "reconstruction": kind("None", inside=EXPRESSIONS.inside)},
     ),
 }  # fmt: skip

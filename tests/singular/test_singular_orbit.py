@@ -98,6 +98,17 @@ def test_neither_the_orbit_nor_its_period_depends_on_the_units_of_the_states(nam
             assert other.landing[s.name] / float(unit) == pytest.approx(one.landing[s.name], rel=1e-8)
 
 
+@pytest.mark.parametrize("power", [-9, -18, 9])
+def test_a_start_that_has_one_number_only_tells_the_size_of_its_state(van_der_pol, power):
+    """No other state tells it: in 1e-9 of the unit the fold was told to be a canard point."""
+    k = sp.Integer(10) ** power
+    slow, fast = {y: -x}, {x: k * CUBIC.xreplace({x: x / k, y: y / k})}
+    scaled = SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    orbit = orbit_of(scaled, {"x": 1.75 * float(k), "y": 0})
+    assert orbit.closes
+    assert orbit.coefficients == pytest.approx(van_der_pol.coefficients, rel=1e-6)
+
+
 @pytest.mark.exhaustive
 def test_nonlinear_coordinates_change_the_coefficients_of_the_folds_and_not_the_period(van_der_pol):
     # x = X + X^2/10 and y = Y + Y^2/10, both increasing where the orbit is.
