@@ -43,6 +43,7 @@ from gsp.splitting.restriction import restricted
 from gsp.splitting.scaling import Scaling, scalings
 from gsp.splitting.switches import Switch, has_switches, with_fast, without_switches
 from gsp.systems.arguments import check_noun
+from gsp.systems.flow import values_by_name
 from gsp.systems.system import SlowFastSystem, VectorField
 
 
@@ -107,11 +108,12 @@ class Splitting(Card):
 
     def to_new(self, values: Mapping[str, float], *, epsilon: float | None = None) -> dict[str, float]:
         """New coordinates, by name, of raw values given by name; where the field has switches at a value of epsilon."""
-        return _evaluated(self.coordinates, self._with_fast(values, epsilon), self.field)
+        known = self._with_fast(values_by_name(values, what="values"), epsilon)
+        return _evaluated(self.coordinates, known, self.field)
 
     def to_raw(self, values: Mapping[str, float]) -> dict[str, float]:
         """Raw states, by name, of new coordinates given by name."""
-        return _evaluated(self.inverse, values, self.field)
+        return _evaluated(self.inverse, values_by_name(values, what="values"), self.field)
 
     def _with_fast(self, values: Mapping[str, float], epsilon: float | None) -> Mapping[str, float]:
         """Raw values with those of the switches' fast variables in place of the states that they replace."""

@@ -423,6 +423,10 @@ def test_values_are_carried_there_and_back_by_name() -> None:
     assert result.to_raw(result.to_new(values)) == values
     with pytest.raises(DeclarationError, match="no value for"):
         result.to_new({"x": 1.0})
+    for carry in (result.to_new, result.to_raw):
+        for wrong, words in ((3, "Got 3"), ({"x": "a"}, "no real number"), ({"x": np.nan}, "finite number")):
+            with pytest.raises(DeclarationError, match=words):
+                carry(wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_values_are_carried_whatever_is_assumed_of_the_symbols() -> None:
