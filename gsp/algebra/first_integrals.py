@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -36,10 +36,17 @@ ELEMENTARY = (
 )
 
 
-def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, count: int) -> list[sp.Expr]:
+def first_integrals(
+    layer: Sequence[sp.Expr],
+    states: Sequence[sp.Symbol],
+    *,
+    count: int,
+    parameters: Mapping[sp.Symbol, sp.Expr] | None = None,
+) -> list[sp.Expr]:
     """Up to `count` functionally independent first integrals of z' = `layer`, simplest first.
 
-    Returns fewer when the searches find no more.
+    Returns fewer when the searches find no more. Those of a quadrature are real where the states are positive, at the
+    values of the `parameters`.
     """
     direction = _without_common_factor(layer, states)
     found = _linear(direction, states)
@@ -50,7 +57,7 @@ def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, co
             if len(found) < count and _is_independent(found, candidate, states):
                 found.append(candidate)
     if len(found) < count:
-        for candidate in _quadratures(direction, states):
+        for candidate in _quadratures(direction, states, parameters or {}):
             if len(found) < count and _is_independent(found, candidate, states):
                 found.append(candidate)
     return found[:count]
@@ -219,13 +226,17 @@ def _polynomial(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], degre
     return sorted(integrals, key=lambda phi: (sp.Poly(phi, *states).total_degree(), sp.count_ops(phi)))
 
 
-def _quadratures(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
+def _quadratures(
+    direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], parameters: Mapping[sp.Symbol, sp.Expr]
+) -> list[sp.Expr]:
     """Integrals of dz_i/dz_j = N_i/N_j where it is separable, or linear in z_i; other states must be constant.
 
     Those without a logarithm come first: z exp(-t) is an integral everywhere, log(z^2)/2 - t for z != 0 only.
     """
     moving = [z for z, component in zip(states, direction) if component != 0]
     rates = dict(zip(states, direction))
+    # Two rates that are equal make a pole of 1/(a - b), and one that is negative sqrt(a) imaginary.
+    values = {**{z: sp.Dummy(z.name, positive=True) for z in states}, **parameters}
     found: list[sp.Expr] = []
     for z, t in itertools.permutations(moving, 2):
         ratio: Any = factored(rates[z] / rates[t])
@@ -235,6 +246,8 @@ def _quadratures(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> l
         for candidate in (_linear_equation(ratio, z, t), _separable(ratio, z, t)):
             candidate = None if candidate is None else _with_real_logarithms(candidate)
             if candidate is None or candidate in found:
+                continue
+            if candidate.xreplace(values).has(sp.I, sp.zoo, sp.nan, sp.oo, -sp.oo):
                 continue
             if vanishes(sp.Add(*[sp.diff(candidate, s) * rates[s] for s in moving])):
                 found.append(candidate)

@@ -42,7 +42,8 @@ class Averaging(Drawn, Tabular):
     - `form`: the field in slow variables and phase, `form.coordinates` these in its states;
     - `scene`, where one was averaged.
 
-    Slow variables are in error by O(epsilon^(order + 1)) over times of order 1, from a base point through the order.
+    Slow variables are in error by O(epsilon^(order + 1)) over times of order 1, from a base point through the order,
+    where the rates are smooth: across a jump in a slow variable by O(epsilon), as the transformation jumps there.
     """
 
     system: SlowFastSystem | VectorField

@@ -68,7 +68,7 @@ def phase_form(flow: Flow, phase: sp.Symbol | None, pair: tuple[sp.Symbol, sp.Sy
     omega = sp.Integer(0) if pole_order(turning, epsilon) else laurent(turning, epsilon, order=0).get(0, 0)
     if omega == 0:
         raise SplittingError(
-            f"the rate of {phase} is {turning / epsilon}, which is not that of a fast phase.",
+            f"the rate of {phase} is {frame.rates[phase]}, which is not that of a fast phase.",
             f"A phase turns at omega/{epsilon} with omega nowhere 0. One that turns slowly is a ramp that returns: "
             "take `Ramp.there_and_back`.",
         )

@@ -37,6 +37,11 @@ def require_turning(
         middle = [0.5 * (low + high) for low, high in box]
         signs.add(_sign(*function([balls.exact(m) for m in middle])))
         if len(signs) > 1 or None in signs or count > MOST_BOXES:
+            if not symbols:
+                raise SplittingError(
+                    f"the phase {phase} turns at omega = {omega}, which is 0 at the parameters' values.",
+                    "Give other values: what does not turn is no phase.",
+                )
             met = "is 0 or changes its sign" if count <= MOST_BOXES else "comes near 0, or may do so,"
             where = in_words(zip(symbols, middle))
             raise SplittingError(

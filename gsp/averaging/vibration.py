@@ -33,7 +33,7 @@ def without_vibration(
     if not shaken:
         return frame, turning
     others = [x for x in rates if x not in shaken]
-    parts = {x: laurent(rates[x], epsilon, order=-1).get(-1, sp.Integer(0)) for x in shaken}
+    parts = {x: laurent(rates[x], epsilon, order=-k).get(-k, sp.Integer(0)) for x, k in shaken.items()}
     ring = FourierRing(
         others, constants=list(flow.parameters), functions=not are_rational([*parts.values(), omega])
     )

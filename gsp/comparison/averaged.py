@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.averaging.averaging import Averaging
-from gsp.comparison.compared_runs import CHECK, GRID_POINTS, ROUNDING, largest_error, run_on
+from gsp.comparison.compared_runs import CHECK, GRID_POINTS, ROUNDING, largest_error, run_on, surfaces_crossed
 from gsp.comparison.comparison import Comparison, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.systems.arguments import check_noun, check_progress
@@ -25,8 +25,9 @@ def compare_averaged(
     """Error of the averaged field of each order, all that are known unless given, over the scene's ladder of epsilons.
 
     The whole system runs from the scene's start and the averaged one from its base point through the same order;
-    compared are the slow variables before averaging. The error of order N is O(epsilon^(N+1)). Raises
-    `DeclarationError` for an averaging without a scene, or an order that is not known.
+    compared are the slow variables before averaging. The error of order N is O(epsilon^(N+1)); where the run crosses a
+    surface on which the rates are not smooth no power is expected from order 1 on. Raises `DeclarationError` for an
+    averaging without a scene, or an order that is not known.
     """
     check_noun(averaging, Averaging, verb="compare_averaged")
     scene = averaging.scene
@@ -47,11 +48,12 @@ def compare_averaged(
     grid = np.linspace(*scene.span, 10 * (GRID_POINTS - 1) + 1)
     errors: dict[int, list[float]] = {n: [] for n in asked}
     statuses: dict[int, list[Status]] = {n: [] for n in asked}
-    floor = []
+    floor, crossed = [], {}
     for i, epsilon in enumerate(ladder):
         reference = run_on(averaging.watched, scene.start, scene, epsilon, grid)
         check = run_on(averaging.watched, scene.start, scene, epsilon, grid, loosened=CHECK)
         floor.append(max(largest_error(check, reference, names) / CHECK, ROUNDING))
+        crossed |= dict.fromkeys(surfaces_crossed(averaging.watched, reference, epsilon))
         for n, flow in flows.items():
             run = run_on(
                 flow, averaging.base_point(scene.start, epsilon=epsilon, order=n), scene, epsilon, grid
@@ -66,8 +68,9 @@ def compare_averaged(
         epsilons=ladder,
         errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
         slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
-        expected=MappingProxyType({n: n + 1 for n in asked}),
+        expected=MappingProxyType({n: None if n and crossed else n + 1 for n in asked}),
         floor=tuple(floor),
         statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
         begins="the averaged one begins at its base point",
+        crossed=tuple(crossed),
     )

@@ -109,7 +109,7 @@ class ComparedRuns:
             {n: reference.status if run.status.ok else run.status for n, run in runs.items()},
             claimed,
             max(largest_error(check, reference, slow) / CHECK, ROUNDING),
-            _surfaces_crossed(self.full, reference, epsilon),
+            surfaces_crossed(self.full, reference, epsilon),
         )
 
     def _beginning(
@@ -207,7 +207,7 @@ def run_on(
     )
 
 
-def _surfaces_crossed(flow: Flow, run: Trajectory, epsilon: float) -> list[str]:
+def surfaces_crossed(flow: Flow, run: Trajectory, epsilon: float) -> list[str]:
     """The switching functions of the rates that change their signs along the run."""
     found = switches(flow.rates, flow.states)
     if not found or not run.status.ok:

@@ -135,11 +135,13 @@ def newton_at_each(
         finite = np.isfinite(residual).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2))
         active, residual, jacobian = active[finite], residual[finite], jacobian[finite]
         step = solve_each(jacobian, residual)
-        finite = np.isfinite(step).all(axis=1)
-        active, step = active[finite], step[finite]
+        # A step whose length is beyond doubles leads nowhere.
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(step, axis=1)
+        finite = np.isfinite(length)
+        active, step, length = active[finite], step[finite], length[finite]
         # Damped to steps of length 1 + |y|: a nearly singular Jacobian must not throw the point away.
         far = np.linalg.norm(y[active], axis=1)
-        length = np.linalg.norm(step, axis=1)
         y[active] -= step * ((1.0 + far) / np.maximum(length, 1.0 + far))[:, None]
         small = length <= tolerance * (size + far)
         # In units in which y is tiny a small correction may be a large share of it: once more, and it is none.

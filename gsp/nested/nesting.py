@@ -19,7 +19,7 @@ import sympy as sp
 
 from gsp.algebra.brevity import brief
 from gsp.algebra.factorisation import factored
-from gsp.algebra.laurent import laurent, pole_order
+from gsp.algebra.laurent import laurent, misplaced_epsilon, pole_order
 from gsp.errors import BudgetError, DegenerateError, SplittingError
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.lowering.compiled_flow import parameter_vector
@@ -334,6 +334,10 @@ def _on_first(first: Study, series: SeriesManifold, ray: _Ray, slower: bool) -> 
         x: ray.put(ring.to_sympy(series.chart.elements[x])) for x in system.x if x not in series.coordinates
     }
     watched = {**fast, **{o: ray.put(e).xreplace(fast) for o, e in system.observables.items()}}
+    # A function of a series in sigma stands in no field; its own series does.
+    bent = {o for o, e in watched.items() if misplaced_epsilon(e, ray.sigma) is not None}
+    along = compose(series, {o: system.observables[o] for o in bent}) if bent else ()
+    watched |= {o: ray.total(row[o] for row in along) for o in bent}
     field = VectorField(
         {
             name: ray.total((f[c] for f in series.coordinate_field), slower=slower).xreplace(renamed)

@@ -37,6 +37,14 @@ def asked(scene: Scene, small: Iterable[str | Iterable[str]] | None) -> tuple[Sc
     if len(groups) != 2 or groups[0] == groups[1] or not all(groups):
         given = ", ".join("+".join(group) for group in groups) or "none"
         raise DeclarationError(f"small are {be}.", got=given, value=groups)
+    for group in groups:
+        twice = next((name for name in group if group.count(name) > 1), None)
+        if twice is not None:
+            raise DeclarationError(
+                f"{twice} is named twice among those that vanish together.",
+                "Name it once.",
+                got="+".join(group),
+            )
     if all(len(group) == 1 for group in groups):
         return scene, groups[0][0], groups[1][0]
     plain = without_small(scene)

@@ -98,7 +98,7 @@ class SeriesManifold(Card):
 
     def at_order(self, order: int) -> SeriesManifold:
         """The same series cut at a lower order."""
-        if not 0 <= order <= self.order:
+        if check_order(order) > self.order:
             raise DeclarationError(
                 f"the series is known through order {self.order}.",
                 "Expand the branch further.",
@@ -110,6 +110,7 @@ class SeriesManifold(Card):
 
     def over(self, branch: Branch) -> SeriesManifold:
         """The same series over another sheet of its branch; raises `DeclarationError` for any other branch."""
+        check_noun(branch, Branch, verb="over")
         if replace(branch, seed=None) != replace(self.branch, seed=None):
             raise DeclarationError(f"the series is over {self.branch}.", "Use expand(branch).", got=branch)
         return replace(self, branch=branch)

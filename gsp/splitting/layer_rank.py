@@ -67,17 +67,21 @@ class Blocks:
             found[-1][places] = values[own]
         return found
 
-    def step(self, values: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """The shortest of the best solutions (n,) of the matrix with the entries `values` for the `right` side (n,)."""
+    def step(self, values: np.ndarray, right: np.ndarray, *, damping: float = 0.0) -> np.ndarray:
+        """The shortest of the best solutions (n,) of the matrix with the entries `values` for the `right` side (n,).
+
+        With `damping` each singular value s is s + damping/s, as in the steps of Levenberg and Marquardt.
+        """
         found = np.empty(len(right))
         for (states, *_), blocks in zip(self.parts, self.matrices(values)):
-            if len(blocks) == 1:
+            if len(blocks) == 1 and not damping:
                 found[states[0]] = np.linalg.lstsq(blocks[0], right[states[0]], rcond=1e-10)[0]
                 continue
             left, sizes, across = np.linalg.svd(blocks)
             told = sizes > 1e-10 * sizes[:, :1]
             along = np.einsum("mji,mj->mi", left, right[states])
-            along = np.divide(along, sizes, out=np.zeros(sizes.shape), where=told)
+            sizes = np.divide(damping, sizes, out=np.full(sizes.shape, np.inf), where=told) + sizes
+            along = along / sizes
             found[states] = np.einsum("mji,mj->mi", across, along)
         return found
 
@@ -113,13 +117,18 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     usual = sizes[np.isfinite(sizes) & (sizes > 0.0)]
     speed = min(float(np.median(usual)), 1.0) if usual.size else 1.0
     compiled = [lambda z, p, of=of: of(z, p) / speed for of in functions]
-    found: list[tuple[int, int]] = []
-    matrices: list[list[np.ndarray]] = []
-    for start in z:
-        point, converged = _equilibrium(start, compiled, p, blocks)
-        if converged:
-            matrices.append(blocks.matrices(np.nan_to_num(compiled[1](point, p))))
-            found += _ranks(matrices[-1])
+
+    def at_starts(*, damped: bool) -> tuple[list[list[np.ndarray]], list[tuple[int, int]]]:
+        """The blocks of DL at the zeros found from the starts, and the ranks there."""
+        zeros = [_equilibrium(start, compiled, p, blocks, damped=damped) for start in z]
+        there = [blocks.matrices(np.nan_to_num(compiled[1](point, p))) for point, good in zeros if good]
+        return there, [ranks for matrix in there for ranks in _ranks(matrix)]
+
+    matrices, found = at_starts(damped=False)
+    if found and max(rank for rank, _ in found) == 0:
+        # Newton's steps for a field homogeneous in the states, (x - y)*(a*x, b*y), all lead to where it vanishes.
+        damped = at_starts(damped=True)
+        matrices, found = damped if damped[1] else (matrices, found)
 
     def in_units() -> Iterator[list[list[np.ndarray]]]:
         """The blocks of DL at the zeros that are found, the states in units that are drawn, and in these units."""
@@ -256,14 +265,17 @@ def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:
             )
 
 
-def _equilibrium(start: np.ndarray, compiled, p: np.ndarray, blocks: Blocks) -> tuple[np.ndarray, bool]:
+def _equilibrium(
+    start: np.ndarray, compiled, p: np.ndarray, blocks: Blocks, *, damped: bool = False
+) -> tuple[np.ndarray, bool]:
     z = start.copy()
     for _ in range(60):
         value = compiled[0](z, p)
         if not np.isfinite(value).all():
             return z, False
         try:
-            step = blocks.step(np.nan_to_num(compiled[1](z, p)), value)
+            damping = float(np.linalg.norm(value)) if damped else 0.0
+            step = blocks.step(np.nan_to_num(compiled[1](z, p)), value, damping=damping)
         except np.linalg.LinAlgError:
             # Entries near the largest double.
             return z, False

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -43,6 +43,7 @@ from gsp.splitting.restriction import restricted
 from gsp.splitting.scaling import Scaling, scalings
 from gsp.splitting.switches import Switch, has_switches, with_fast, without_switches
 from gsp.systems.arguments import check_noun
+from gsp.systems.flow import values_by_name
 from gsp.systems.system import SlowFastSystem, VectorField
 
 
@@ -107,11 +108,12 @@ class Splitting(Card):
 
     def to_new(self, values: Mapping[str, float], *, epsilon: float | None = None) -> dict[str, float]:
         """New coordinates, by name, of raw values given by name; where the field has switches at a value of epsilon."""
-        return _evaluated(self.coordinates, self._with_fast(values, epsilon), self.field)
+        known = self._with_fast(values_by_name(values, what="values"), epsilon)
+        return _evaluated(self.coordinates, known, self.field)
 
     def to_raw(self, values: Mapping[str, float]) -> dict[str, float]:
         """Raw states, by name, of new coordinates given by name."""
-        return _evaluated(self.inverse, values, self.field)
+        return _evaluated(self.inverse, values_by_name(values, what="values"), self.field)
 
     def _with_fast(self, values: Mapping[str, float], epsilon: float | None) -> Mapping[str, float]:
         """Raw values with those of the switches' fast variables in place of the states that they replace."""
@@ -210,7 +212,7 @@ def split(field: VectorField | SlowFastSystem, *, second: str | sp.Symbol | None
             "no slow variable and no slow manifold.",
             "Check which rates carry 1/epsilon. Two states that turn about one another are averaged, by `average`.",
         )
-    integrals = first_integrals(layer, field.states, count=n - rank)
+    integrals = first_integrals(layer, field.states, count=n - rank, parameters=field.parameters)
     if len(integrals) == n - rank:
         # The first choice that is invertible without roots and logarithms, whose domains are restricted.
         choices = _fast_choices(integrals, layer, field, rank)
@@ -354,7 +356,7 @@ def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting 
         layer=f,
         drift=sp.ImmutableMatrix(drift),
         route=_route(coordinates, states, field.epsilon),
-        nonzero=_vanishing_factors(determinant),
+        nonzero=tuple(dict.fromkeys((*_vanishing_factors(determinant), *_singular_factors(integrals, states)))),
         rescaled=rescaled,
     )
 
@@ -363,6 +365,17 @@ def _vanishing_factors(determinant: sp.Expr) -> tuple[sp.Expr, ...]:
     """What has to be nonzero for `determinant` to be: its factors without numbers, powers and exponentials."""
     factors = [f.as_base_exp()[0] if f.is_Pow else f for f in sp.Mul.make_args(determinant)]
     return tuple(f for f in factors if not f.is_number and not isinstance(f, sp.exp))
+
+
+def _singular_factors(integrals: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> Iterator[sp.Expr]:
+    """What of the `states` has to be nonzero for the integrals to be regular: in logarithms and denominators."""
+    for phi in integrals:
+        within = {p.args[0] for p in phi.atoms(sp.log)}
+        within |= {p.base for p in phi.atoms(sp.Pow) if p.exp.could_extract_minus_sign()}
+        for expression in sorted(within, key=sp.default_sort_key):
+            real = {s: sp.Dummy(s.name, real=True) for s in expression.free_symbols}
+            factors = [f for f in _vanishing_factors(factored(expression)) if f.has(*states)]
+            yield from (f for f in factors if not f.xreplace(real).is_nonzero)
 
 
 def _is_restricted(splitting: Splitting) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mpmath
@@ -252,6 +253,21 @@ def turning(rate: sp.Expr, slow: sp.Expr = -x, **others) -> gsp.VectorField:
     return gsp.VectorField({x: slow, theta: rate}, epsilon=epsilon, **others)
 
 
+def test_across_a_jump_of_the_rates_no_power_is_expected_from_order_one_on() -> None:
+    field = gsp.VectorField(
+        {x: sp.Heaviside(y - sp.Rational(1, 2)) * (1 + sp.sin(theta)) - x, y: sp.S.One, theta: 1 / epsilon},
+        epsilon=epsilon,
+    )
+    whole = scene(field, gsp.FastPhase(name="theta"), {"x": 1, "y": 0, "theta": 0.3}, epsilon=0.04)
+    found = gsp.compare_averaged(gsp.average(whole, order=1), epsilons=(0.04, 0.01))
+    assert found.expected == {0: 1, 1: None}
+    assert found.slopes[1] == pytest.approx(1.0, abs=0.2)
+    assert found.crossed == ("y - 1/2",)
+    before = gsp.compare_averaged(gsp.average(replace(whole, span=(0, 0.4)), order=1), epsilons=(0.04, 0.01))
+    assert before.expected == {0: 1, 1: 2}
+    assert not before.crossed
+
+
 REFUSED = {
     "a phase that stops": (
         turning((x - 1) / epsilon), {"phase": "theta", "region": {"x": (0, 2)}},
@@ -259,7 +275,8 @@ REFUSED = {
     ),
     "a phase without a region": (turning(x / epsilon), {"phase": "theta"}, SplittingError, "no region bounds x"),
     "a slow phase": (
-        turning(1 + epsilon), {"phase": "theta"}, SplittingError, "ramp that returns",
+        turning(1 + epsilon), {"phase": "theta"},
+        SplittingError, "theta is epsilon + 1, which is not that of a fast phase",
     ),
     "a phase that depends on itself": (
         turning((2 + sp.cos(theta)) / epsilon), {"phase": "theta"}, SplittingError, "depends on itself",
@@ -269,6 +286,14 @@ REFUSED = {
     ),
     "a vibration with a mean": (
         turning(1 / epsilon, sp.cos(theta) ** 2 / epsilon), {"phase": "theta"}, SplittingError, "has mean zero",
+    ),
+    "a vibration that is too fast": (
+        turning(1 / epsilon, x * sp.cos(theta) / epsilon**2), {"phase": "theta"},
+        SplittingError, "leading part (x*cos(theta))/epsilon**2",
+    ),
+    "a phase that stands": (
+        gsp.VectorField({x: sp.cos(theta), theta: alpha / epsilon}, epsilon=epsilon, parameters={alpha: 0}),
+        {"phase": "theta"}, SplittingError, "omega = alpha, which is 0 at the parameters' values",
     ),
     "infinitely many harmonics": (
         turning(1 / epsilon, x * sp.exp(sp.cos(theta))), {"phase": "theta"},

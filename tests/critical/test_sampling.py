@@ -277,6 +277,17 @@ def test_newton_finds_each_root_and_gives_up_on_the_others() -> None:
     assert starts[0, 0] == 1.0
 
 
+def test_a_step_whose_length_is_beyond_doubles_is_given_up_in_silence() -> None:
+    with np.errstate(over="raise"):
+        _, good = newton_at_each(
+            lambda z: np.full((len(z), 1), 1e200),
+            lambda z: np.full((len(z), 1), 1e-5),
+            np.zeros((1, 1)),
+            np.ones((1, 1)),
+        )
+    assert good.tolist() == [False]
+
+
 def test_roots_that_are_rounding_of_one_another_are_one() -> None:
     points = np.array(
         [[3.0, 1.0], [0.0, 0.0], [0.0, 0.9e-8], [3.0, 1.0 + 3e-8], [0.0, 1.1e-8], [3.0, 1.0 + 6e-8]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,28 @@ def test_a_linear_chain_has_the_series_of_its_slow_eigenvector() -> None:
     assert comparison.is_exact(0)
 
 
+@pytest.mark.parametrize("function", [sp.exp, sp.sqrt, sp.Abs, lambda u: 1 / (1 + u)])
+def test_functions_of_the_fastest_variable_are_watched_on_its_manifold(function) -> None:
+    """X = z/((1 - delta)(1 - epsilon delta)) in closed form."""
+    seen = sp.Symbol("seen")
+    chain = scene({z: -z, y: (z - y) / delta, x: (y - x) / (epsilon * delta)})
+    old = chain.system
+    field = gsp.VectorField(
+        dict(zip(old.states, old.rates)),
+        epsilon=epsilon,
+        parameters=old.parameters,
+        observables={seen: function(x)},
+    )
+    found = gsp.nest(replace(chain, system=field), small=["epsilon", "delta"], order=3)
+    system = found.second.system
+    values = {**system.parameters, z: 0.5, y: found.second.series(3).evaluate(0.5, 1.0)[0], system.epsilon: 1}
+    exact = function(0.5 / ((1 - values[delta]) * (1 - values[epsilon] * values[delta])))
+    told = system.observables[seen].xreplace(dict(system.observables)).subs(values)
+    # Of the series through order 3 terms of the order 4 are missing, those of x three.
+    left_out = 3 * sum(values[epsilon] ** i * values[delta] ** (4 - i) for i in range(3))
+    assert abs(float(told - exact)) < float(left_out)
+
+
 def test_implicit_manifolds_are_nested_too() -> None:
     found = gsp.nest(cubic(), small=["epsilon", "delta"])
     (x0,) = found.second.system.y
@@ -318,6 +341,7 @@ def test_a_series_beyond_the_budget_names_a_lower_order_and_not_the_values_of_th
         (["epsilon", "nu"], "small names nu, and no parameter has this name"),
         (["epsilon", ["delta", "nu"]], "small names 'nu', and no parameter has this name"),
         ([[], "delta"], "small are two names"),
+        ([["epsilon", "epsilon"], "delta"], "epsilon is named twice.*Got epsilon\\+epsilon"),
     ],
 )
 def test_names_are_checked(small, words: str) -> None:

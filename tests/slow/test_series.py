@@ -291,6 +291,11 @@ def test_an_order_beyond_what_is_known_is_named() -> None:
     series = expand(branch_of(systems.saddle()), order=2)
     with pytest.raises(DeclarationError, match="known through order 2"):
         series.evaluate(0.5, 0.1, order=3)
+    for wrong in ("2", 1.5):
+        with pytest.raises(DeclarationError, match="order is a non-negative integer"):
+            series.at_order(wrong)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(DeclarationError, match="over takes a Branch"):
+        series.over(series)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_function_without_a_series_rule_is_named() -> None:

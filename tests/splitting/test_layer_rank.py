@@ -48,6 +48,26 @@ def test_fast_parts_without_a_critical_manifold_are_refused(layer: list, words: 
         layer_rank(layer, field(x / eps, y, z))
 
 
+@pytest.mark.parametrize(
+    ("layer", "rank"),
+    [
+        # Newton's steps halve the states.
+        ([-x * (x - y), 2 * y * (x - y), 0], 1),
+        ([-(x + y) * (x - y), (x + 2 * y) * (x - y), 0], 1),
+        ([-(x + 1) * (x - 1 - y), y * (x - 1 - y), z * (x - 1 - y)], 1),
+        ([-(x**2) * (x - y), y**2 * (x - y), x * y * (x - y)], 1),
+        ([-x * (x - y) - z * (y - z), y * (x - y), z * (y - z)], 2),
+    ],
+)
+def test_a_field_that_vanishes_twice_in_one_point_has_the_rank_of_its_manifold(layer: list, rank: int) -> None:
+    assert layer_rank([sp.sympify(e) for e in layer], field(x / eps, y, z)) == rank
+
+
+def test_a_field_that_vanishes_twice_all_over_its_manifold_is_refused() -> None:
+    with pytest.raises(SplittingError, match="vanishes to second order"):
+        layer_rank([-x * (x - y) ** 2, y * (x - y) ** 2, sp.S.Zero], field(x / eps, y, z))
+
+
 def test_ranks_are_numerical_and_rows_are_judged_by_their_own_size() -> None:
     least = RANK_TOLERANCE * 2.0
     assert _numerical_ranks(np.diag([1.0, 1.01 * least])[None]) == [2]

@@ -423,6 +423,10 @@ def test_values_are_carried_there_and_back_by_name() -> None:
     assert result.to_raw(result.to_new(values)) == values
     with pytest.raises(DeclarationError, match="no value for"):
         result.to_new({"x": 1.0})
+    for carry in (result.to_new, result.to_raw):
+        for wrong, words in ((3, "Got 3"), ({"x": "a"}, "no real number"), ({"x": np.nan}, "finite number")):
+            with pytest.raises(DeclarationError, match=words):
+                carry(wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_values_are_carried_whatever_is_assumed_of_the_symbols() -> None:
@@ -487,6 +491,34 @@ def test_long_directions_are_told_in_a_line_each() -> None:
     told = split(field({z: sp.expand(rate) / eps - z for z, rate in bent.items()})).explain()
     assert "operations)" in told
     assert len(told) < 40 * 300
+
+
+@pytest.mark.parametrize("values", [{"a": 0.3, "k": 0.3}, {"a": 0, "k": 1}])
+def test_integrals_that_have_no_value_for_the_parameters_are_none(values: dict[str, float]) -> None:
+    # 1/(a - k) stands in that of the first, 1/a in that of the second.
+    speed = a * x + k * y if values["a"] == 0 else (x - a) * (x - k)
+    found = split(field({x: -speed * (x - y) / eps - x, y: (x - y) / eps - y}, **values))
+    assert not found.is_standard
+    # On x = y both move alike.
+    assert [e.subs({y: x, **found.field.parameters}).simplify() for e in found.reduced_field] == [-x, -x]
+
+
+@pytest.mark.parametrize(
+    ("of_x", "of_y", "wanted"),
+    [
+        (-(x - a) * (x + k), 1, {x - a, x + k}),
+        (x, k * y, {y}),
+        (-(x**2), y**2, {x, y}),
+        (1 + x**2, 1, set()),
+        (1, sp.exp(1 / y) * y**2, {y}),
+    ],
+)
+def test_where_an_integral_is_singular_the_change_of_coordinates_is_told_to_be(of_x, of_y, wanted) -> None:
+    found = split(field({x: of_x * (x - y - 2) / eps + 1, y: of_y * (x - y - 2) / eps - y}, a=1, k=2))
+    assert {sp.factor(e).as_coeff_Mul()[1] for e in found.nonzero} <= {
+        f for e in wanted for f in (e, sp.expand(-e))
+    }
+    assert len(found.nonzero) == len(wanted)
 
 
 def test_only_factors_that_may_vanish_are_named() -> None:
