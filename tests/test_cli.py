@@ -95,6 +95,8 @@ def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, 
     assert exit_status(monkeypatch, "check", str(file)) == 1
     assert "lost: fold: zero eigenvalue" in capsys.readouterr().out
     verdict = json.loads(run("check", str(file), "--json").stdout)
+    by_name = {condition["name"]: condition["value"] for condition in verdict["conditions"]}
+    assert verdict["rates"]["r"] == by_name["normal rate dominates"]
     assert verdict["holds"] is False
     assert verdict["kind"] == "lost"
 

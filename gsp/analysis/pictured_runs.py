@@ -10,6 +10,7 @@ import numpy as np
 from gsp.analysis.fold_surroundings import Boundary
 from gsp.comparison.compared_runs import on_manifold
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
+from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.attempts import Missing, made
 from gsp.scenes.study import RTOL, Study
@@ -68,6 +69,16 @@ def _picture(study: Study, flow: Flow, start: Point, end: float) -> Trajectory:
     return trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=RTOL, atol=atol)
 
 
+def _last_inside(study: Study, limit: Trajectory) -> float:
+    """The time at which a run leaves the region of the slow variables first, where it may begin beside that."""
+    times = spread_times(limit, limit.t[0], limit.t[-1], 400)
+    run = limit.sample(times)
+    sides = [(run[s.name], *study.region[s.name]) for s in study.system.x]
+    inside = np.all([(low <= values) & (values <= high) for values, low, high in sides], axis=0)
+    leaves = inside[:-1] & ~inside[1:]
+    return float(times[np.argmax(leaves)] if leaves.any() else times[-1])
+
+
 def landing_runs(
     study: Study,
     series: SeriesManifold | Missing,
@@ -83,10 +94,11 @@ def landing_runs(
     # Each is followed for so many layer times epsilon/gap, or a share of the span.
     end = t0 + min(t1 - t0, max(layer, 0.3 * (t1 - t0)))
     runs = []
-    # Over which points of the limit run (as shares of its span), and how far off (as shares of the fast variable's
-    # range).
+    last = _last_inside(study, limit)
+    # Over which points of the limit run within the region (as shares of its time there), and how far off (as shares of
+    # the fast variable's range).
     for share, offsets in {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}.items():
-        there = limit.sample(limit.t[0] + share * (limit.t[-1] - limit.t[0]))
+        there = limit.sample(limit.t[0] + share * (last - limit.t[0]))
         x = {s.name: float(there[s.name][0]) for s in study.system.x}
         on = on_manifold(series, {**study.start, **x}, scene.epsilon)
         for y in study.system.y:

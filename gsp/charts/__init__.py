@@ -32,7 +32,7 @@ from gsp.charts.relaxation import cycle_annulus, mixed_mode, relaxation, singula
 from gsp.charts.runs import periodic_orbit, spread, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
-from gsp.charts.style import check_chart_name, drawn, png, save
+from gsp.charts.style import add_units, check_chart_name, drawn, png, save
 from gsp.charts.switching import switches
 from gsp.charts.time_scales import time_scales
 from gsp.charts.views import view
@@ -103,8 +103,6 @@ def surroundings(analysis: Analysis) -> Axes:
     """The critical manifold around the scene's region, through its folds: a curve or a sheet."""
     check_noun(analysis, Analysis, verb="charts.surroundings")
     found = analysis.surroundings
-    if isinstance(found, CriticalSheet):
-        return critical_sheet(found)
     if found is None:
         raise DeclarationError(
             "the critical manifold of this analysis is an explicit graph, or over more than two slow "
@@ -112,7 +110,14 @@ def surroundings(analysis: Analysis) -> Axes:
             "Draw `manifold` instead.",
             got="no curve and no sheet",
         )
-    return critical_curve(found)
+    drawn = critical_sheet(found) if isinstance(found, CriticalSheet) else critical_curve(found)
+    return _with_units(analysis, drawn)
+
+
+def _with_units(analysis: Analysis, axes: Axes) -> Axes:
+    """The axes of a result that knows no scene, with the scene's units."""
+    add_units(axes, analysis.scene.units)
+    return axes
 
 
 def _failures(analysis: Analysis) -> Axes:
@@ -122,7 +127,7 @@ def _failures(analysis: Analysis) -> Axes:
 
 def _phenomenon(analysis: Analysis) -> Axes:
     found = analysis.phenomenon
-    return mixed_mode(found) if isinstance(found, MixedMode) else relaxation(analysis)
+    return _with_units(analysis, mixed_mode(found)) if isinstance(found, MixedMode) else relaxation(analysis)
 
 
 def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
@@ -167,5 +172,5 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts["failure_map"] = _failures
     proved = attempt("the passage", lambda: analysis.boundary.passage)
     if isinstance(proved, PassageCertificate) and proved.epsilon_0 > 0.0:
-        charts["passage"] = lambda result: passage_strip(result.boundary.passage)
+        charts["passage"] = lambda result: _with_units(result, passage_strip(result.boundary.passage))
     return charts

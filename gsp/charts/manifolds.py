@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ def _curve(analysis: Analysis, axes: Axes) -> None:
         )  # fmt: skip
         axes.plot(dense[names[0]][:1], dense[names[1]][:1], "o", color=VERMILION, ms=4, zorder=4)
     heights = np.concatenate([on[:, 1], leading[:, 0], *(run[names[1]] for run in analysis.landing)])
+    axes.set_xlim(margins(on[:, 0]))
     axes.set_ylim(margins(heights))
     name_axes(axes, *names)
     legend(axes, columns=2)
@@ -144,34 +146,61 @@ def distance(analysis: Analysis, axes: Axes) -> None:
     _distance(analysis, axes)
 
 
-def _distance(analysis: Analysis, axes: Axes) -> None:
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """The distance to the slow manifold (m,) over fast time `tau` (m,) of a run that starts off it in `name`.
+
+    `is_whole` says whether it is known all through the layer, and not up to a fold only.
+    """
+
+    name: str
+    tau: np.ndarray
+    gaps: np.ndarray
+    is_whole: bool
+
+    @property
+    def tail(self) -> float:
+        """How far off the run ends, in its last quarter."""
+        return float(np.quantile(self.gaps[-1 - len(self.gaps) // 4 :], 0.9))
+
+    @property
+    def lands(self) -> bool:
+        """Whether it has landed: one that ends farther off is on its way still, or to another sheet."""
+        return self.tail <= 0.1 * self.gaps[0]
+
+
+def approaches(analysis: Analysis) -> list[Approach]:
+    """How the landing runs approach the slow manifold, as far as each is over what is known of it."""
     epsilon, gap = analysis.scene.epsilon, analysis.hyperbolicity.gap
-    curves: list[tuple[str, np.ndarray, np.ndarray]] = []
+    found = []
     for run in analysis.landing:
         tau = np.linspace(0.0, min(LAYER / gap, (run.t[-1] - run.t[0]) / epsilon), LINE)
         # Rounding may put the last time behind the run's end.
         dense = run.sample(np.minimum(run.t[0] + epsilon * tau, run.t[-1]))
         gaps = distances(analysis, dense)
-        if gaps is not None and gaps[0] > 0.0:
-            curves.append((_displaced(analysis, run), tau, gaps))
+        if len(gaps) > 1 and gaps[0] > 0.0:
+            found.append(Approach(_displaced(analysis, run), tau[: len(gaps)], gaps, len(gaps) == LINE))
+    return found
+
+
+def _distance(analysis: Analysis, axes: Axes) -> None:
+    gap, curves = analysis.hyperbolicity.gap, approaches(analysis)
     axes.set_xlabel(rf"fast time $\tau = t$/{mathematics(str(analysis.study.system.epsilon))}")
     fast = ", ".join(mathematics(y.name) for y in analysis.study.system.y)
     axes.set_ylabel(r"distance to $M_\epsilon$ in " + fast)
     if not curves:
-        text = f"{analysis.hyperbolicity.kind}: no run lands on it"
+        text = "the slow manifold is not known where runs start"
         axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
         return
-    tails = [float(np.quantile(gaps[-LINE // 4 :], 0.9)) for _, _, gaps in curves]
-    # A run that ends farther off than this share of where it began is on its way still, or to another sheet.
-    landed = [tail <= 0.1 * gaps[0] for tail, (_, _, gaps) in zip(tails, curves)]
     # Where the runs stop falling, the series and the runs themselves are known no better.
-    level = 2.0 * max((tail for tail, on in zip(tails, landed) if on), default=0.0)
-    tallest = max(float(gaps[0]) for _, _, gaps in curves)
-    lowest = level / 6 if level else min(float(gaps.min()) for _, _, gaps in curves) / 2
+    level = 2.0 * max((each.tail for each in curves if each.lands and each.is_whole), default=0.0)
+    tallest = max(float(each.gaps[0]) for each in curves)
+    lowest = level / 6 if level else min(float(each.gaps.min()) for each in curves) / 2
     end = 0.0
     seen: dict[str, str] = {}
-    for on, (name, tau, gaps) in zip(landed, curves):
-        if on:
+    for each in curves:
+        name, tau, gaps = each.name, each.tau, each.gaps
+        if each.lands:
             label = None if name in seen else f"runs that start off in {mathematics(name)}"
             colour = seen.setdefault(name, SERIES[sum(map(bool, seen)) % len(SERIES)])
             axes.semilogy(tau, np.maximum(gaps, 1e-300), color=colour, lw=1.2, alpha=0.8, label=label)
@@ -182,7 +211,7 @@ def _distance(analysis: Analysis, axes: Axes) -> None:
             seen[""] = GREY
             axes.semilogy(tau, np.maximum(gaps, 1e-300), color=GREY, lw=1.0, ls=":", label=label)
     # Without one that lands, all of what was run is shown.
-    end = end or max(float(tau[-1]) for _, tau, _ in curves) / 1.4
+    end = end or max(float(each.tau[-1]) for each in curves) / 1.4
     tau = np.array([0.0, LAYER / gap])
     guide = r"$e^{-\mathrm{gap}\,\tau}$, the slowest"
     axes.semilogy(tau, 1.6 * tallest * np.exp(-gap * tau), color=INK, lw=1.0, ls="--", label=guide)

@@ -71,6 +71,6 @@ def composite(solution: CompositeSolution, axes: Axes, *, name: str, full: Traje
     axes.semilogx(t - t0, sampled[name], color=VERMILION, lw=1.4, label="composite")
     # The inner expansion leaves the picture once its time is over.
     axes.set_ylim(*margins(np.append(sampled[name], solution.outer_at(t)[row])))
-    axes.set_xlabel("slow time $t$ since the start (logarithmic)")
+    axes.set_xlabel("slow time $t$ since the start, logarithmic")
     axes.set_ylabel(mathematics(name))
     legend(axes, columns=4)

@@ -146,9 +146,14 @@ def _from_limit(analysis: Analysis, run: Trajectory, name: str) -> tuple[np.ndar
 
 
 def shrinks_in_proportion(analysis: Analysis) -> bool:
-    """Whether full runs come nearer to the limit in proportion to epsilon, as far as the ladder shows it."""
+    """Whether full runs come nearer to the limit in proportion to epsilon, as far as the ladder shows it.
+
+    Up to a fold, where the limit ends, they do not: there is a term in epsilon ln epsilon.
+    """
     names = [s.name for s in chart_symbols(analysis)]
     ladder = sorted(analysis.ladder.items())
+    if not all(run.status.ok for run in (analysis.limit, *analysis.ladder.values())):
+        return False
     sizes = [max(np.abs(_from_limit(analysis, run, name)[1]).max() for name in names) for _, run in ladder]
     if len(ladder) < 2 or not min(sizes) > 0.0:
         return False
@@ -170,18 +175,21 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
         for colour, (epsilon, run) in zip(LADDER, ladder):
             dense = dense_run(run)
             axes.plot(dense[names[0]], dense[names[1]], color=colour, lw=1.3, label=at_epsilon(small, epsilon))
-        orbit(axes, limit[names[0]], limit[names[1]], BLUE, r"limit $\epsilon \to 0$", arrow=False)
+        label = rf"limit {mathematics(str(small))} $\to 0$"
+        orbit(axes, limit[names[0]], limit[names[1]], BLUE, label, arrow=False)
         plane_axes(axes, names)
         return
     names = [s.name for s in chart_symbols(analysis)]
-    axes.axhline(0.0, color=BLUE, lw=1.8, label=r"limit $\epsilon \to 0$", zorder=1)
-    seen = []
+    [line] = axes.plot([], [], color=BLUE, lw=1.8, label=rf"limit {mathematics(str(small))} $\to 0$", zorder=1)
+    seen, times = [], []
     for style, name in zip(LINES, names):
         for colour, (epsilon, run) in zip(LADDER, ladder):
             t, difference = _from_limit(analysis, run, name)
             label = at_epsilon(small, epsilon) if name == names[0] else None
             axes.plot(t, difference, color=colour, ls=style, label=label)
             seen.append(difference[np.abs(difference) < 1.0])
+            times += [t[0], t[-1]]
+    line.set_data([min(times), max(times)], [0.0, 0.0])
     if len(names) > 1:
         for style, name in zip(LINES, names):
             axes.plot([], [], color=GREY, ls=style, label=mathematics(name))
@@ -193,7 +201,7 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
         axes.text(
             0.5, 0.6, "no difference but rounding: the limit is exact", ha="center", transform=axes.transAxes
         )
-    axes.set_xlim(margins(np.array(analysis.scene.span), 0.02))
+    axes.set_xlim(margins(np.array(times), 0.02))
     axes.set_xlabel("slow time $t$")
     quantity = mathematics(names[0]) if len(names) == 1 else "slow variables"
     axes.set_ylabel(f"{quantity}: full run minus limit, relative")
@@ -236,12 +244,12 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
     if analysis.hyperbolicity.gap > 0.0:
         axes.axvline(layer, color=GREY, lw=0.8, ls=":", zorder=0)
         axes.annotate(
-            r"layer, $\epsilon/$gap", (layer, 1.0), xycoords=("data", "axes fraction"),
+            rf"{mathematics(str(analysis.study.system.epsilon))}/gap", (layer, 1.0), xycoords=("data", "axes fraction"),
             xytext=(3, -1), textcoords="offset points", va="top", color=GREY, fontsize="small",
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_xlim(first, length)
     since = "t" if start == 0.0 else f"t - {start:g}"
-    axes.set_xlabel(f"slow time ${since}$ (logarithmic)")
+    axes.set_xlabel(f"slow time ${since}$, logarithmic")
     axes.set_ylabel("states")
     legend(axes, columns=4)

@@ -235,15 +235,16 @@ def limit_field(analysis: Analysis, points: np.ndarray) -> np.ndarray:
     return rates[:, [system.x.index(s) for s in symbols]]
 
 
-def distances(analysis: Analysis, run: Trajectory) -> np.ndarray | None:
-    """|y - h_epsilon(x)| (m,) along a run of the standard form; None where it leaves the branch."""
+def distances(analysis: Analysis, run: Trajectory) -> np.ndarray:
+    """|y - h_epsilon(x)| (m,) along a run of the standard form, up to where the slow manifold is not known."""
     slow, _ = shape(analysis)
     x, y = run.y[:slow].T, run.y[slow:].T
     try:
         on = slow_manifold(analysis, x)
     except (BranchError, HyperbolicityError):
-        return None
-    return np.linalg.norm(y - on, axis=1) if np.isfinite(on).all() else None
+        return np.empty(0)
+    found = np.linalg.norm(y - on, axis=1)
+    return found[: np.isfinite(found).cumprod().sum()]
 
 
 def path_names(analysis: Analysis) -> tuple[str, str]:

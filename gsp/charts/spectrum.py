@@ -60,7 +60,7 @@ def _line(analysis: Analysis, axes: Axes, name: str) -> None:
         axes.plot(x[:, 0], real[:, i], color=SERIES[i % len(SERIES)], label=label)
     gap = analysis.hyperbolicity.gap
     axes.axhline(0.0, color=INK, lw=0.8)
-    axes.axhspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
+    axes.axhspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(4)}")
     nearest = np.min(np.abs(real), axis=1) * np.sign(
         real[np.arange(len(real)), np.argmin(np.abs(real), axis=1)]
     )
@@ -91,7 +91,7 @@ def _map(analysis: Analysis, axes: Axes, names: list[str]) -> None:
     colour_bar(axes, picture, r"$\mathrm{Re}\,\lambda$ nearest to 0, in fast time")
     worst = int(np.nanargmin(np.abs(shown)))
     failing = _failing(analysis, names)
-    label = "fails here" if failing else f"least of the samples: {analysis.hyperbolicity.sampled_gap:.3g}"
+    label = "fails here" if failing else f"least of the samples: {analysis.hyperbolicity.sampled_gap:.4g}"
     _ring(axes, failing or [tuple(x[worst])], label)
     name_axes(axes, *names)
     legend(axes)
@@ -115,7 +115,7 @@ def _plane(analysis: Analysis, axes: Axes) -> None:
     real, imaginary = np.real(values), np.imag(values)
     gap = analysis.hyperbolicity.gap
     axes.axvline(0.0, color=INK, lw=0.8)
-    axes.axvspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
+    axes.axvspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(4)}")
     axes.plot(real, imaginary, ".", color=BLUE, ms=5, ls="none", label=r"$\lambda$ over the region")
     if analysis.hyperbolicity.failing and not analysis.hyperbolicity.shortfall:
         worst = int(np.argmin(np.abs(real)))

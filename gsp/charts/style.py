@@ -108,16 +108,16 @@ def chart(*, height: float = 3.5, solid: Callable[[Any], bool] = lambda result: 
 
 
 def add_units(axes: Axes, units: Mapping[str, str]) -> None:
-    """Units behind the variables that axes are labelled by, and behind the slow time."""
+    """Units behind the variables that axes are labelled by, and behind the slow and the fast time."""
     unit_of = {mathematics(name): unit for name, unit in units.items()}
-    if "t" in units:
-        unit_of["slow time $t$"] = units["t"]
     for axis in "xyz":
         label = getattr(axes, f"get_{axis}label", lambda: "")()
-        if label in unit_of:
-            # With its unit a label is too long to stand upright.
-            turned = {"rotation": 90, "labelpad": 4.0} if axis == "y" and axes.name != "3d" else {}
-            getattr(axes, f"set_{axis}label")(f"{label} ({plain(unit_of[label])})", **turned)
+        unit = units.get("t") if label.startswith(("slow time ", "fast time ")) else unit_of.get(label)
+        if unit and not label.endswith(f"({plain(unit)})"):
+            # With its unit a label is too long to stand upright, and in space to stand as near to the numbers.
+            turned = {"rotation": 90} if axis == ("z" if axes.name == "3d" else "y") else {}
+            apart = {"labelpad": 11.0 if axes.name == "3d" else 4.0} if turned or axes.name == "3d" else {}
+            getattr(axes, f"set_{axis}label")(f"{label} ({plain(unit)})", **turned, **apart)
 
 
 # Without a time stamp and a version, so that equal figures are equal files.

@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.choice.forecast import Forecast, SurfaceForecast, surface_forecast_of
-from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
+from gsp.choice.prediction import CHECKS, REFINEMENTS, SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError, Status
 from gsp.integration.methods import SOLVERS, Method, choose_method
 from gsp.integration.spread_times import spread_times
@@ -57,9 +57,9 @@ class Candidate:
     `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it goes, of the full system
     extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
     `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
-    predicted error of the full system is that of its integrator. A model that was not looked at has nan. Where a full
-    run over the span was made, for nothing else tells the error, it is that against it: `is_measured`. `unseen` says
-    that no run was seen to reach the end to which the cost is extrapolated.
+    predicted error of the full system is that of its integrator. A model that was not looked at has nan, and so has a
+    full run that ends early. Where a full run over the span was made, for nothing else tells the error, it is that
+    against it: `is_measured`. `unseen` says that no run was seen to reach the end to which the cost is extrapolated.
     """
 
     kind: ModelKind
@@ -212,9 +212,9 @@ def solved_candidate(
     if not run.status.ok:
         failure = Failure.END
         why = f"{failure} at t = {run.t[-1]:.4g}: {run.status.meaning}"
-    elif not (within := surface.within_region(times, limit)).all():
+    elif not surface.within_region(times, limit).all():
         failure = Failure.REGION
-        why = f"{failure} at t = {times[np.argmin(within)]:.4g}"
+        why = f"{failure} at t = {_last_good(lambda t: surface.within_region(t, limit), times):.4g}"
     elif not surface.inside(times).all():
         why = "the run leaves the piece of the manifold that was solved"
     elif not predicted <= limit:
@@ -230,10 +230,23 @@ def solved_candidate(
 
 
 def _held(surface: SurfaceForecast, times: np.ndarray, limit: float) -> float:
-    """The last of `times` up to which the run on the solved manifold is inside and its error is within `limit`."""
+    """The time up to which the run on the solved manifold is inside and its error is within `limit`."""
+
+    def holds(t: np.ndarray) -> np.ndarray:
+        return surface.inside(t) & surface.within_region(t, limit) & (surface.errors(t) <= limit)
+
     alive = times[times <= surface.run.t[-1]]
-    good = surface.inside(alive) & surface.within_region(alive, limit) & (surface.errors(alive) <= limit)
-    return float(times[max(int(np.argmin(np.append(good, False))) - 1, 0)])
+    return _last_good(holds, alive) if alive.size else float(times[0])
+
+
+def _last_good(good: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -> float:
+    """The last time up to which all are `good`, the first where none is; looked at between `times` where they fail."""
+    for _ in range(1 + REFINEMENTS):
+        first = int(np.argmin(np.append(good(times), False)))
+        if first in (0, len(times)):
+            return float(times[-1 if first else 0])
+        times = np.linspace(times[first - 1], times[first], CHECKS)
+    return float(times[0])
 
 
 def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
@@ -276,9 +289,9 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     run = until(end)
 
     def ended(short: Trajectory) -> tuple[Trial, Interval]:
-        # What it would cost to the end is not known.
+        # What it would cost to the end is not known, nor is it off by anything there.
         candidate = Candidate(
-            ModelKind.FULL, None, rtol, float(short.t[-1]), preparation=preparation, why_not=short.message
+            ModelKind.FULL, None, holds_until=float(short.t[-1]), preparation=preparation, why_not=short.message
         )
         return Trial(candidate), (first, end)
 

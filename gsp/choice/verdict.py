@@ -105,7 +105,7 @@ def judge(evidence: Evidence) -> Verdict:
     if partial is not None and partial.holds_until - scene.span[0] - evidence.layer < 0.05 * length:
         partial = None
     nearest = _nearest(reduced)
-    if partial is not None and (nearest.order is not None or nearest.holds_until <= partial.holds_until):
+    if partial is not None and (nearest.order is not None or not _is_longer(nearest, partial)):
         nearest = partial
     whole = promised(scene.span[0])
     accuracy = (
@@ -141,23 +141,23 @@ def serving_of(model: Candidate, candidates: Sequence[Candidate]) -> Candidate |
 def _off(shown: Candidate, evidence: Evidence) -> str:
     """What a model is off by, of which variables."""
     of = f" in {', '.join(evidence.names)}" if evidence.names else ""
-    text = f"Its {'measured' if shown.is_measured else 'predicted'} error is {shown.predicted:.1e}{of}"
+    text = f"Its {'measured' if shown.is_measured else 'predicted'} error is {_error(shown.predicted)}{of}"
     if np.isfinite(evidence.layer_error):
         text += f"; in the fast variables it is {_off_behind(evidence)}"
-        text += f" and {evidence.layer_error:.1e} within the layer" if evidence.layer_error > 0.0 else ""
+        text += f" and {_error(evidence.layer_error)} within the layer" if evidence.layer_error > 0.0 else ""
     return f"{text}."
 
 
 def _off_behind(evidence: Evidence) -> str:
     """What the fast variables are off by behind the layer, and how that is known."""
     if evidence.fast_measured is None:
-        return f"{evidence.fast_error:.1e} after the initial layer"
+        return f"{_error(evidence.fast_error)} after the initial layer"
     if np.isnan(evidence.fast_error):
         return "unknown after the initial layer, because their series does not converge,"
     begin, end = evidence.fast_measured
     return (
-        f"{evidence.fast_error:.1e} after the initial layer (measured on t = {begin:.4g} to {end:.4g} only, because "
-        "their series does not converge)"
+        f"{_error(evidence.fast_error)} after the initial layer (measured on t = {begin:.4g} to {end:.4g} only, "
+        "because their series does not converge)"
     )
 
 
@@ -178,6 +178,11 @@ def seconds_shown(seconds: float) -> str:
     return f"{scale * seconds:.3g} {unit}"
 
 
+def _error(value: float) -> str:
+    """An error of two digits, as 3.0e-06, 0.95 and 18."""
+    return f"{value:#.2g}".rstrip(".")
+
+
 def _speed(shown: Candidate, full: Candidate, cost: Cost) -> str:
     if not full.valid:
         return f"It is the only run that reaches the end: the full system {full.why_not}."
@@ -186,9 +191,10 @@ def _speed(shown: Candidate, full: Candidate, cost: Cost) -> str:
     if cost is not Cost.LESS:
         return f"It {cost}: {times}."
     runs = max(1.0, np.ceil((shown.preparation - full.preparation) / (full.seconds - shown.seconds)))
+    # Two digits: it is the difference of times that are measured to three.
+    after = "1 run" if runs == 1.0 else f"about {float(f'{runs:.2g}'):.0f} runs"
     return (
-        f"It is {full.seconds / shown.seconds:.2g} times as fast: {times}. Preparing it pays off after {runs:.0f} run"
-        f"{'s' if runs > 1 else ''}."
+        f"It is {full.seconds / shown.seconds:.2g} times as fast: {times}. Preparing it pays off after {after}."
     )
 
 
@@ -202,6 +208,11 @@ def _nearest(reduced: Sequence[Candidate]) -> Candidate:
     furthest = max(c.holds_until for c in flows)
     reaching = [c for c in flows if c.holds_until >= furthest]
     return min(reaching, key=lambda c: np.inf if np.isnan(c.predicted) else c.predicted)
+
+
+def _is_longer(one: Candidate, other: Candidate) -> bool:
+    """Whether one holds longer than the other by the digits that are shown."""
+    return float(f"{one.holds_until:.4g}") > float(f"{other.holds_until:.4g}")
 
 
 def _remedy(nearest: Candidate, evidence: Evidence) -> str:

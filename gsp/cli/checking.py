@@ -77,7 +77,8 @@ def check(
     if as_json:
         from gsp.report import hyperbolicity_as_json
 
-        print_json({"name": scene.name, "holds": verdict.holds, **hyperbolicity_as_json(verdict)})
+        content = hyperbolicity_as_json(verdict, epsilon=study.scene.epsilon)
+        print_json({"name": scene.name, "holds": verdict.holds, **content})
     else:
         tell(verdict)
     fails = not all(condition.holds for condition in verdict.conditions)

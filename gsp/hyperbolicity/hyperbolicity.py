@@ -163,14 +163,13 @@ class Hyperbolicity(Card):
             # Doubles took for on the axis what is proved to be off it.
             judged = _judged(self.branch, self.region, self.epsilon, distance=found.gap)
         if found.verdict.name == "PROVED" and judged.kind is not Kind.LOST:
-            sampled = judged.sampled_gap
             return replace(
                 judged,
                 gap=found.gap,
                 rates=replace(judged.rates, normal=found.gap),
                 conditions=tuple(_by_proof(condition, found, judged) for condition in judged.conditions),
                 certificate=found,
-                evidence=f"proved on {found.where}; {sampled:.6g} at the samples",
+                evidence=f"proved on {found.where}",
             )
         return replace(judged, certificate=found, evidence=f"{judged.evidence}; {found.reason}")
 
@@ -200,7 +199,8 @@ class Hyperbolicity(Card):
 
     def __str__(self) -> str:
         newline = "\n"
-        lines = [f"{self.kind}, gap {self.shown_gap()} in fast time; {self.evidence}"]
+        sampled = f" ({self.sampled_gap:.6g} at the samples)" if self.is_proved else ""
+        lines = [f"{self.kind}, gap {self.shown_gap()} in fast time{sampled}; {self.evidence}"]
         lines += [f"  {condition}" for condition in self.conditions]
         lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
         lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]
@@ -378,9 +378,9 @@ def _by_proof(condition: Condition, found: Certificate, judged: Hyperbolicity) -
         needed, value = "least |Re lambda|, proved; above 0 needed", found.gap
     elif condition.name == DOMINATES and found.epsilon == judged.epsilon:
         needed, value = "proved; at least 1 needed for a C^1 manifold", found.rate_ratio
-    elif condition.name == DOMINATES and judged.epsilon is not None:
-        r = replace(judged.rates, normal=found.gap).r(judged.epsilon)
-        needed = f"at the samples, {r:.6g} with the proved gap; at least 1 needed for a C^1 manifold"
+    elif condition.name == DOMINATES and judged.epsilon is not None and judged.rates.tangential:
+        r = at_least(replace(judged.rates, normal=found.gap).r(judged.epsilon))
+        needed = f"at the samples, {r} with the proved gap; at least 1 needed for a C^1 manifold"
         return replace(condition, requirement=needed)
     else:
         return condition

@@ -18,7 +18,7 @@ from gsp.report.wording import fitted, number
 from gsp.results.attempts import Missing, attempt
 from gsp.results.equations import OPERATIONS
 from gsp.results.mathml import dotted, row
-from gsp.scenes.scene import Scene
+from gsp.scenes.scene import TIME, Scene
 
 CAPTIONS = {
     "averaging": "A slow variable from the scene's start along the full run, and its mean.",
@@ -74,7 +74,7 @@ def answer(scene: Scene, measured: Comparison, epsilon: str) -> tuple[str, Marku
 def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mapping[str, bytes | Missing]) -> str:
     epsilon, phase = found.epsilon, found.form.phase
     slow = list(found.form.rates)
-    setting = Setting([epsilon, *found.system.parameters, *found.system.states, *slow, phase])
+    setting = Setting([epsilon, *found.system.parameters, *found.system.states, *slow, phase], scene.units)
     turning = row(setting.set.row(epsilon), dotted(setting.set.row(phase)))
     moves = {**{s: dotted(setting.set.row(s)) for s in slow}, phase: turning}
     coefficients = {s: [each[s] for each in found.averaged_field] for s in slow} | {
@@ -108,6 +108,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
             equations=setting.rates(zip(found.system.states, found.system.rates)),
             parameters=[setting.named_value(p, value) for p, value in found.system.parameters.items()],
             start=[setting.named_value(sp.Symbol(name), value) for name, value in scene.start.items()],
+            time_unit=setting.unit(TIME),
             coordinates=[
                 setting.block(setting.set.row(s), e) for s, e in found.form.coordinates.items() if s != e
             ],

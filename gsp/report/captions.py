@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts import heading_of, shape, slow_ends
+from gsp.charts.manifolds import approaches
 from gsp.charts.orbits import shrinks_in_proportion
 from gsp.comparison.survey import HORIZON
 from gsp.critical.continuation.critical_curve import CriticalCurve
@@ -42,9 +43,9 @@ def _view(analysis: Analysis, name: str, setter: Typesetter) -> Markup:
 def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
     if shape(analysis) == (1, 1):
         return Markup(
-            "Phase plane at {}. Streamlines fall along the fast direction onto the attracting part of the "
-            "critical manifold <i>M</i><sub>0</sub> (black; dashed where it repels){} The full run from the scene's "
-            "start is in orange."
+            "Phase plane at {}: the critical manifold <i>M</i><sub>0</sub> (black; dashed where it repels){} "
+            "Streamlines follow the fast direction, onto <i>M</i><sub>0</sub> where it attracts and away from it where "
+            "it repels. The full run from the scene's start is in orange."
         ).format(_at(analysis, setter), _slow_line(analysis, setter))
     if shape(analysis)[0] == 1:
         return Markup(
@@ -57,9 +58,14 @@ def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
             _slow_line(analysis, setter),
         )
     chart = analysis.raw.chart if analysis.raw else analysis.study.system.x
+    plane = Markup(", ").join(setter.inline(s) for s in chart[:2])
+    if len(chart) > 2:
+        return Markup("The scene's limit trajectory, at {} = 0, in the plane of {}.").format(
+            _epsilon(analysis, setter), plane
+        )
     return Markup(
         "Phase portrait of the reduced flow at {} = 0 in the plane of {}, with the scene's limit trajectory in orange."
-    ).format(_epsilon(analysis, setter), Markup(", ").join(setter.inline(s) for s in chart[:2]))
+    ).format(_epsilon(analysis, setter), plane)
 
 
 def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -87,10 +93,11 @@ def _phenomenon(analysis: Analysis, setter: Typesetter) -> Markup:
             Markup("{}<sup>{}</sup> ").format(large, small) for large, small in found.pattern
         )
         swings = Markup("The pattern {}repeats. ").format(pattern) if found.pattern else Markup("")
+        small = "" if found.is_large.all() else "; dots are small ones near the folds"
         return Markup(
             "What the full system does at {}: {} over time, past the folds again and again. {}Triangles are large "
-            "swings, from sheet to sheet; dots are small ones near the folds. The reduction holds between the jumps."
-        ).format(at, setter.inline(sp.Symbol(found.name)), swings)
+            "swings, from sheet to sheet{}. The reduction holds between the jumps."
+        ).format(at, setter.inline(sp.Symbol(found.name)), swings, small)
     orbit = analysis.boundary.orbit
     # A region that holds a loss is more than one piece.
     is_lost = analysis.hyperbolicity.kind is Kind.LOST
@@ -122,11 +129,16 @@ def _convergence(analysis: Analysis, setter: Typesetter) -> Markup:
         return Markup("Paths of the full system at three values of {}. They approach the limit (blue).").format(
             _epsilon(analysis, setter)
         )
-    shrinks = Markup("The difference is proportional to {}. ").format(_epsilon(analysis, setter))
-    return Markup(
-        "Full runs minus the limit, relative to the largest value. {}The bend at the left is the initial layer, in "
-        "which the slow variables change a little."
-    ).format(shrinks if shrinks_in_proportion(analysis) else "")
+    text = Markup("Full runs minus the limit, relative to the largest value.")
+    if shrinks_in_proportion(analysis):
+        text += Markup(" The difference is proportional to {}.").format(_epsilon(analysis, setter))
+    if analysis.hyperbolicity.kind is Kind.ATTRACTING:
+        text += " At the left, in the initial layer, the slow variables change a little."
+    if not analysis.limit.status.ok:
+        text += f" The limit ends early: {analysis.limit.status.meaning}."
+    if not all(run.status.ok for run in analysis.ladder.values()):
+        text += " A full run is shown as far as it goes."
+    return text
 
 
 def _error(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -153,46 +165,55 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
     shown = Markup("The slow manifold")
     if shape(analysis) == (1, 1):
         shown = Markup("The critical manifold (dashed)") + _slow_line(analysis, setter)[:-1]
-    return Markup(
-        "At {}: {}. Full runs that start off it (dots) fall towards it along the fast direction."
-    ).format(_at(analysis, setter), shown)
-
-
-def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
-    found = analysis.hyperbolicity
-    return Markup(
-        "Distance of such runs to the slow manifold in fast time. The slope of the dashed line is {}, {}. No run may "
-        "fall more slowly. Distances in the grey zone are below the accuracy of the series and the runs."
-    ).format(
-        _gap(found), "the gap that is proved" if found.is_proved else "the gap, the slowest rate at the samples"
+    elsewhere = any(each.is_whole and not each.lands for each in approaches(analysis))
+    fall = "towards it or another sheet of the critical manifold" if elsewhere else "towards it"
+    return Markup("At {}: {}. Full runs that start off it (dots) fall along the fast direction, {}.").format(
+        _at(analysis, setter), shown, fall
     )
 
 
+def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
+    found, curves = analysis.hyperbolicity, approaches(analysis)
+    text = Markup("Distance of such runs to the slow manifold in fast time.")
+    if not curves:
+        return text + " It is not known where the runs start."
+    text += Markup(
+        " The slope of the dashed line is {}, {}. No run next to the manifold may fall more slowly."
+    ).format(
+        _gap(found), "the gap that is proved" if found.is_proved else "the gap, the slowest rate at the samples"
+    )
+    if not all(each.is_whole for each in curves):
+        text += " A line ends where its run leaves what is known of the slow manifold."
+    if any(each.lands and each.is_whole for each in curves):
+        text += " Distances in the grey zone are below the accuracy of the series and the runs."
+    return text
+
+
 def _gap(found: Hyperbolicity) -> Markup:
-    return number(found.gap, bound=at_least) if found.is_proved else number(found.gap)
+    return number(found.gap, 4, bound=at_least if found.is_proved else None)
 
 
 def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
-    found = analysis.hyperbolicity
+    found, slow = analysis.hyperbolicity, shape(analysis)[0]
+    shown = {
+        1: "Real parts of the fast eigenvalues over the region, in fast time.",
+        2: "The real part that is nearest to 0 of the fast eigenvalues over the region, in fast time.",
+    }.get(slow, "The fast eigenvalues over the region, in the complex plane and in fast time.")
     if found.failing:
         at = Markup("; ").join(_place(point, setter, 4) for point in found.failing)
-        return Markup(
-            "Real parts of the fast eigenvalues over the region, in fast time. A ring marks where a condition fails: "
-            "at {}."
-        ).format(at)
-    half = _gap(found)
+        return Markup("{} A ring marks where a condition fails: at {}.").format(shown, at)
     who, where = ("None", "throughout") if found.is_proved else ("At the samples none", "there")
-    return Markup(
-        "Real parts of the fast eigenvalues over the region, in fast time. {} enters the strip of half-width {}, "
-        "the gap: the manifold is {} {}."
-    ).format(who, half, found.kind, where)
+    nearer = "is nearer to 0 than" if slow == 2 else "enters the strip of half-width"
+    return Markup("{} {} {} {}, the gap: the manifold is {} {}.").format(
+        shown, who, nearer, _gap(found), found.kind, where
+    )
 
 
 def _proof(analysis: Analysis, setter: Typesetter) -> Markup:
     found = analysis.hyperbolicity.certificate
     assert found is not None
     how = "height" if len(analysis.study.system.x) == 1 else "colour"
-    least = number(min(found.gaps), bound=at_least)
+    least = number(min(found.gaps), 4, bound=at_least)
     text = Markup(
         "The {} boxes of the {}. Their {} shows how far from the imaginary axis, in fast time, every eigenvalue over "
         "the box is proved to be: at least {}."
@@ -217,16 +238,22 @@ def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
     if isinstance(found, CriticalSheet) and found.folds:
         text += " Normal hyperbolicity is lost along the black fold curves."
     if points:
-        listed = "; ".join(
-            f"{point.kind} at " + ", ".join(f"{name} = {value:.6g}" for name, value in point.point.items())
-            for point in points[:4]
+        listed = Markup("; ").join(
+            Markup("{} at {}").format(str(point.kind), _place(point.point, setter, 6)) for point in points[:4]
         )
         text += Markup(" Special points: {}.").format(listed)
+    for stop in found.stops if isinstance(found, CriticalCurve) else ():
+        if not stop.ending.ok:
+            text += Markup(" The curve ends at {}: {}.").format(_place(stop.point, setter), stop.ending.meaning)
     return text
 
 
 def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
-    layer = "The initial layer, in which the fast variables settle, is left of the dotted line. "
+    kind = analysis.hyperbolicity.kind
+    ways = {Kind.ATTRACTING: "come nearer to it", Kind.REPELLING: "move away from it"}
+    layer = Markup(
+        "Next to the slow manifold orbits {} by a factor of e or more in the time {}/gap (dotted). "
+    ).format(ways.get(kind, "move away from it, in some directions,"), _epsilon(analysis, setter))
     shown = "and the reduced run of order {} (dashed), over logarithmic time"
     if len(analysis.reduced.t) == 1:
         shown = "over logarithmic time; the reduced run of order {} ends where it starts, and is not drawn"
@@ -240,9 +267,15 @@ def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
     if analysis.base is not None:
+        # An error that the digits shown would hide.
+        off = [
+            Markup(" ({} is known to about {})").format(setter.inline(sp.Symbol(name)), number(error, 1))
+            for name, error in analysis.base.errors.items()
+            if number(analysis.base[name] - error) != number(analysis.base[name] + error)
+        ]
         return Markup(
-            "The reduced run starts at the base point of the fast fibre through the start: {}."
-        ).format(_place(analysis.base, setter))
+            "The reduced run starts at the base point of the fast fibre through the start: {}{}."
+        ).format(_place(analysis.base, setter), Markup("").join(off))
     return Markup(
         "The reduced run starts over the same slow variables ({}), so an offset of order {} may remain."
     ).format(analysis.base_reason, _epsilon(analysis, setter))

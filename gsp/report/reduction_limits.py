@@ -159,7 +159,10 @@ def _cycle(cycle: CycleCertificate | None, setter: Typesetter) -> Markup:
     )
     least, most = one.turn.period
     return Markup("Proved: {} {}; its slow time is from {} to {}.").format(
-        _up_to(cycle.orbit.branch.system, one.epsilon, setter), what, at_least(least), at_most(most)
+        _up_to(cycle.orbit.branch.system, one.epsilon, setter),
+        what,
+        _bound(least, at_least),
+        _bound(most, at_most),
     )
 
 
@@ -184,35 +187,55 @@ def _passage(passage: PassageCertificate | None, setter: Typesetter) -> Markup:
         return Markup(
             "Proved: {} each orbit through {} passes the strip of the figure, and leaves it through {}, after a slow "
             "time from {} to {}."
-        ).format(up_to, *sections, at_least(least), at_most(most))
+        ).format(up_to, *sections, _bound(least, at_least), _bound(most, at_most))
     delay = passage.delay
     assert delay is not None
     x = setter.inline(passage.system.x[0])
     early, late = (at_least, at_most) if delay.grid[-1] > delay.grid[0] else (at_most, at_least)
     left = (
-        Markup("; those that begin at this distance have left by {} = {}").format(x, late(delay.leaves_by))
+        Markup("; those that begin at this distance have left by {} = {}").format(
+            x, _bound(delay.leaves_by, late)
+        )
         if delay.left is not None
         else Markup("")
     )
     return Markup(
         "Proved: {} each orbit within {} of the branch at {} = {} stays so at least to {} = {}, past where the branch "
         "has lost its stability{}."
-    ).format(up_to, at_least(delay.width), x, as_given(delay.grid[0]), x, early(delay.stays_to), left)
+    ).format(
+        up_to,
+        _bound(delay.width, at_least),
+        x,
+        _as(as_given(delay.grid[0])),
+        x,
+        _bound(delay.stays_to, early),
+        left,
+    )
 
 
 def _up_to(system: SlowFastSystem, epsilon: float, setter: Typesetter) -> Markup:
-    return Markup("for every {} in (0, {}]").format(setter.inline(system.epsilon), at_least(epsilon))
+    return Markup("for every {} in (0, {}]").format(setter.inline(system.epsilon), _bound(epsilon, at_least))
 
 
 def _within(
     name: str,
     ends: tuple[float, float],
     exact: str,
-    low: Callable[[float], str],
-    high: Callable[[float], str],
+    low: Callable[[float, int], str],
+    high: Callable[[float, int], str],
     setter: Typesetter,
 ) -> Markup:
     symbol = setter.inline(sp.Symbol(name))
     if exact:
-        return Markup("{} = {}").format(symbol, exact)
-    return Markup("{} from {} to {}").format(symbol, low(ends[0]), high(ends[1]))
+        return Markup("{} = {}").format(symbol, _as(exact))
+    return Markup("{} from {} to {}").format(symbol, _bound(ends[0], low), _bound(ends[1], high))
+
+
+def _bound(value: float, rounded: Callable[[float, int], str]) -> Markup:
+    """A proved bound, rounded to the side on which it stays true."""
+    return number(value, 6, bound=rounded)
+
+
+def _as(exact: str) -> Markup:
+    """A number with all the digits of its text."""
+    return number(float(exact), bound=lambda value, digits: exact)

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from gsp.analysis.analysis import Analysis
 from gsp.charts import has_constant_eigenvalues
 from gsp.choice.verdict import in_words
-from gsp.hyperbolicity.hyperbolicity import Kind
+from gsp.hyperbolicity.hyperbolicity import Condition, Kind
 from gsp.report.claims import claims_of
 from gsp.report.contacts import no_slip
 from gsp.report.ramps import ramps
@@ -42,7 +42,8 @@ class Page(Setting):
             [
                 *(self.epsilon, *self.system.parameters),
                 *(*scene.system.states, *self.system.states, *scene.reconstruction),
-            ]
+            ],
+            scene.units,
         )
 
     def head(self) -> dict[str, Any]:
@@ -217,6 +218,11 @@ class Page(Setting):
         least = number(found.gap, 4, bound=at_least)
         return Markup("at least {} in fast time, proved in {}; {} at the samples").format(least, boxes, sampled)
 
+    @staticmethod
+    def decided_by(condition: Condition) -> Markup:
+        """The number that decides a condition, rounded down where it is a proved bound."""
+        return number(condition.value, 4, bound=at_least if condition.is_proved else None)
+
     def is_proved(self) -> bool:
         """Whether the kind is proved over the region."""
         return self.how_known() == "proved"
@@ -234,11 +240,11 @@ class Page(Setting):
         if self.is_proved():
             return (
                 f"{text}, in ball arithmetic: the kind, and that no eigenvalue comes nearer to the axis than proved. "
-                f"The numbers above are the worst of {found.samples} samples, refined."
+                f"The other numbers above are the worst of {found.samples} samples, refined."
             )
         if self.how_known() == "refuted":
             return f"{text}. That is proved in ball arithmetic."
-        return f"{text}, the worst of them refined. This is evidence, not a proof."
+        return f"{text}. The worst of the samples are refined. This is evidence, not a proof."
 
     def _slopes(self) -> Markup:
         comparison = self.analysis.comparison
@@ -404,7 +410,7 @@ class Page(Setting):
             "layer": found.layer,
             "piece": span(found.piece),
             "predicted": found.predicted_on_piece,
-            "measured": found.measured,
+            "measured": found.measured if math.isfinite(found.measured) else None,
             "tolerance": found.tolerance,
         }
 

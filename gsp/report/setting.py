@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import sympy as sp
@@ -13,12 +14,15 @@ from gsp.results.long_formulas import count_lines
 from gsp.results.mathml import Typesetter, dotted, numeral, operator, row
 from gsp.systems.declaration import exact
 
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
+
 
 class Setting:
-    """Sets what a page says, with one lettering for its `symbols`."""
+    """Sets what a page says, with one lettering for its `symbols`, and with `units` behind the values of names."""
 
-    def __init__(self, symbols: Iterable[sp.Symbol]) -> None:
+    def __init__(self, symbols: Iterable[sp.Symbol], units: Mapping[str, str] = NO_UNITS) -> None:
         self.set = Typesetter(list(symbols))
+        self.units = units
 
     def inline(self, expression: sp.Basic | str) -> Markup:
         return self.set.inline(expression)
@@ -51,12 +55,17 @@ class Setting:
 
     def named_value(self, symbol: sp.Symbol, value: Any) -> Markup:
         shown = numeral(float(value)) if not isinstance(value, sp.Basic) or is_decimal(value) else value
-        return self.inline(self.set.equation(self.set.row(symbol), shown))
+        return self.inline(self.set.equation(self.set.row(symbol), shown)) + self.unit(symbol.name)
+
+    def unit(self, name: str) -> Markup:
+        """The unit behind a value of the quantity `name`; empty where none is given."""
+        unit = self.units.get(name)
+        return Markup("") if unit is None else Markup("\u00a0{}").format(unit)
 
     def interval(self, name: str, bounds: tuple[float, float]) -> Markup:
         ends = numeral(bounds[0]) + operator(",") + numeral(bounds[1])
         symbol = self.set.row(sp.Symbol(name))
-        return self.inline(row(symbol, operator("∈"), operator("["), ends, operator("]")))
+        return self.inline(row(symbol, operator("∈"), operator("["), ends, operator("]"))) + self.unit(name)
 
 
 def is_decimal(value: sp.Basic) -> bool:

@@ -19,6 +19,7 @@ from gsp.report.ramps import ramps, ramps_as_json
 from gsp.report.reductions import reductions_found
 from gsp.report.setting import Setting
 from gsp.results.attempts import Missing, attempt
+from gsp.scenes.view import TIME
 
 CAPTIONS = {
     "time_series": "Every state from the start, over the span.",
@@ -63,7 +64,7 @@ def unreduced_report(found: Reductions, progress: Callable[[float], object]) -> 
 
 def _page(found: Reductions, pictures: Mapping[str, bytes | Missing], panel: Demo | Missing) -> str:
     scene, system = found.scene, found.scene.system
-    setting = Setting([*system.parameters, *system.states])
+    setting = Setting([*system.parameters, *system.states], scene.units)
     return (
         environment_of_pages()
         .get_template("unreduced.html")
@@ -74,6 +75,7 @@ def _page(found: Reductions, pictures: Mapping[str, bytes | Missing], panel: Dem
             equations=setting.rates(zip(system.states, system.rates)),
             parameters=[setting.named_value(p, value) for p, value in system.parameters.items()],
             start=[setting.named_value(sp.Symbol(name), value) for name, value in scene.start.items()],
+            time_unit=setting.unit(TIME),
             ramps=ramps(scene),
             figures=figures(pictures, lambda name: Markup(CAPTIONS[name])),
             **panel_values(panel),

@@ -12,7 +12,15 @@ import sympy as sp
 
 from gsp import load, models
 from gsp.choice import candidates, costs, forecast
-from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, reduced_candidate, run_model
+from gsp.choice.candidates import (
+    PIECE,
+    Candidate,
+    ModelKind,
+    _last_good,
+    full_candidate,
+    reduced_candidate,
+    run_model,
+)
 from gsp.choice.choice import _end_of, choose, select
 from gsp.choice.forecast import forecast_of, layer_left, surface_forecast_of
 from gsp.choice.prediction import Failure
@@ -551,6 +559,7 @@ def test_a_full_system_that_stops_on_the_piece_is_told() -> None:
     assert not choice.model.valid
     assert "stopped after" in choice.model.why_not
     assert "measured nothing, for a run ended early" in str(choice)
+    assert np.isnan(choice.predicted)
     assert np.isnan(choice.speed_up)
 
 
@@ -784,6 +793,13 @@ def test_what_would_be_too_large_to_run_on_is_not_solved_for(monkeypatch) -> Non
     assert candidate.why_not.startswith(
         "the interpolant of the critical manifold alone has 2187 coefficients, more than 400."
     )
+
+
+def test_the_last_time_that_is_good_is_looked_for_between_those_looked_at() -> None:
+    times = np.linspace(0.0, 1.0, 3)
+    assert 0.7 - 1e-3 < _last_good(lambda t: t <= 0.7, times) <= 0.7
+    assert _last_good(lambda t: t < 2.0, times) == 1.0
+    assert _last_good(lambda t: t < 0.0, times) == 0.0
 
 
 def test_the_coefficients_of_the_critical_manifold_are_those_that_its_interpolant_keeps() -> None:

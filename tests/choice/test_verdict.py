@@ -59,6 +59,15 @@ def test_accuracy_is_told_apart_from_speed() -> None:
     assert "2000 runs" in verdict_of(one, one, replace(FULL, preparation=0.02)).speed
 
 
+def test_numbers_have_the_digits_that_are_known() -> None:
+    one = candidate(1, predicted=3e-6)
+    told = verdict_of(one, one, FULL, fast_error=0.953, layer_error=18.2).accuracy
+    assert "it is 0.95 after the initial layer and 18 within the layer" in told
+    # 198,500 of times that are measured to three digits.
+    late = replace(one, preparation=7.94)
+    assert "after about 200000 runs." in verdict_of(late, late, FULL).speed
+
+
 def test_a_model_that_is_exact_enough_and_no_faster_is_no_refusal() -> None:
     one = candidate(1, timings=(6e-5, 8e-5))
     found = verdict_of(FULL, one, FULL)
@@ -105,6 +114,12 @@ def test_a_solved_manifold_that_holds_longest_comes_nearest() -> None:
     assert "The nearest is the flow on the solved manifold," in found.accuracy
     assert "The reduced flow of order 2 serves until t = 0.3." in found.accuracy
     assert "larger region" in found.remedy
+    # By less than the digits that are shown it holds no longer.
+    level = replace(left, holds_until=0.30001)
+    assert (
+        "The nearest is the reduced flow of order 2,"
+        in verdict_of(FULL, flow, level, FULL, partial=flow).accuracy
+    )
     # One that was not solved holds nowhere, and one that ends before does not come nearer.
     for other in (replace(left, failure=None), replace(left, holds_until=0.2)):
         assert (

@@ -37,7 +37,8 @@ def van_der_pol() -> Analysis:
 def test_a_proof_stands_beside_the_verdict() -> None:
     found = classify(branch(x - 2 * y), region={"x": (0, 1)}, epsilon=0.1, prove=True)
     assert found.holds
-    assert found.evidence == "proved on x in [0, 1]; 2 at the samples"
+    assert found.evidence == "proved on x in [0, 1]"
+    assert "gap at least 2 in fast time (2 at the samples)" in str(found)
     assert found.certificate is not None
     assert found.certificate.gap == 2.0
     assert found.certificate.epsilon == 0.1

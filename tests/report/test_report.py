@@ -346,6 +346,8 @@ def test_numbers_and_words_are_set():
     )
     assert words("DOP853, 1e3 and x_0") == "DOP853, 1e3 and <i>x</i><sub>0</sub>"
     assert words("6.1e+01 within the layer") == "6.1×10<sup>1</sup> within the layer"
+    assert words("w in [-0.4, -0.2], from -1 to -2") == "w in [−0.4, −0.2], from −1 to −2"
+    assert words("like (T - t)^-0.5.") == "like (T - t)<sup>−0.5</sup>."
     assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
 
 

@@ -369,6 +369,33 @@ def test_where_branches_cross_along_a_curve_no_folded_singularities_are_told() -
         gsp.folded_singularities(found.system, region=box)
 
 
+@pytest.mark.parametrize("crossing", [3 - z, (3 - z) / (1 + z**2), (3 - z) * (4 + x + z)])
+def test_a_sheet_that_another_one_crosses_keeps_its_folded_singularities(crossing: sp.Expr) -> None:
+    alone = normal_form(R(1, 9))
+    crossed = gsp.SlowFastSystem(slow=alone.slow, fast={z: alone.fast[z] * crossing}, epsilon=eps)
+    (node,) = folded_singularities(crossed, region={"z": (-1, 1)})
+    (same,) = folded_singularities(alone, region={"z": (-1, 1)})
+    assert (node.kind, node.mu, dict(node.point)) == (same.kind, R(1, 9), dict(same.point))
+    # A factor that is below 0 turns the sides round.
+    turned = gsp.SlowFastSystem(slow=alone.slow, fast={z: -alone.fast[z] * crossing}, epsilon=eps)
+    assert only(turned, z=(-1, 1)).to_repelling is not same.to_repelling
+
+
+def test_two_fast_prey_with_an_axis_have_a_folded_node() -> None:
+    p, q, n = sp.symbols("p q n")
+    meals = n / (n + R(3, 10))
+    slow = {p: p * (R(2, 5) * meals - R(1, 5)), q: q * (R(3, 10) * meals - R(3, 20) - q / 10)}
+    prey = n * (1 - n - (R(2, 5) * p + R(3, 10) * q) / (n + R(3, 10)))
+    system = gsp.SlowFastSystem(slow=slow, fast={n: prey}, epsilon=eps)
+    (node,) = folded_singularities(system, region={"p": (0, 1), "q": (0, 1), "n": (0, 1)})
+    # On the fold n = 7/20 and 2 p/5 + 3 q/10 = 169/400; q = g_x . f leaves 3 q^2/100 + 3 q/2600 = 13/2000.
+    at = float(-R(3, 2600) + sp.sqrt(R(3, 2600) ** 2 + 4 * R(3, 100) * R(13, 2000))) / 0.06
+    assert float(node.point["q"]) == pytest.approx(at, rel=1e-12)
+    assert float(node.point["p"]) == pytest.approx((0.4225 - 0.3 * at) / 0.4, rel=1e-12)
+    # The ratio of the eigenvalues of the desingularised flow's Jacobian, by mpmath.
+    assert float(node.mu) == pytest.approx(0.07886665, rel=1e-7)
+
+
 def test_solutions_along_a_curve_are_not_gone_through_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of exp(x) = 1 + y all along, a second equation or its multiple; a double root alone is a point."""
     x, y = sp.symbols("x y")

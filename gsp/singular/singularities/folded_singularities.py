@@ -152,11 +152,26 @@ def folded_singularities(
             "Classify single ones with folded_singularity(system, near=...) of "
             "gsp.singular.singularities.folded_singularities.",
         )
-    equations = (flow.g, flow.fold, flow.q)
+    sides = [box.get(name, (0.0, 1.0)) for name in names]
+    units = np.array([high - low for low, high in sides])
+
+    def points_of(g: sp.Expr) -> list[Located]:
+        q = sp.Add(*[derivative(g, s) * rate for s, rate in zip(flow.x, flow.f)])
+        starts = _starts(flow, region, names)
+        return locate((g, derivative(g, flow.y), q), system.states, starts=starts, units=units)
+
     try:
-        sides = [box.get(name, (0.0, 1.0)) for name in names]
-        units = np.array([high - low for low, high in sides])
-        points = locate(equations, system.states, starts=_starts(flow, region, names), units=units)
+        try:
+            points = points_of(flow.g)
+        except InfinitelyManyPoints:
+            # Where sheets cross, g = g_y = q = 0 all along, and there is no fold: each is looked at by itself.
+            sheets = _sheets(flow)
+            points = [
+                point
+                for sheet in sheets
+                for point in points_of(sheet)
+                if all(point.sign(other) for other in sheets if other is not sheet)
+            ]
     except InfinitelyManyPoints:
         raise _along_a_curve(flow) from None
     found = tuple(_classified(system, flow, p) for p in points if _inside(p, box))
@@ -167,10 +182,20 @@ def folded_singularities(
     return found
 
 
+def _sheets(flow: Desingularised) -> tuple[sp.Expr, ...]:
+    """The factors of g, one for each sheet of the critical manifold, where g is rational and none is there twice."""
+    numerator = sp.fraction(sp.together(flow.g))[0]
+    try:
+        factors = sp.factor_list(numerator, *flow.x, flow.y)[1]
+    except sp.PolynomialError:
+        return (flow.g,)
+    return (flow.g,) if any(power > 1 for _, power in factors) else tuple(factor for factor, _ in factors)
+
+
 def _along_a_curve(flow: Desingularised) -> FoldedError:
     return FoldedError(
         f"the folded singularities are not isolated: g = g_{flow.y} = g_x f = 0 along a curve.",
-        "The slow flow is tangent to the fold all along, or branches of the critical manifold cross there.",
+        "The slow flow is tangent to the fold all along, or sheets that cannot be told apart cross there.",
         got=f"g = {flow.g}, f = {', '.join(map(str, flow.f))}",
     )
 
