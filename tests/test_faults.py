@@ -155,7 +155,7 @@ def foreseen(runs, *, rate: float = 0.0) -> Prediction:
         f=(),
         g=(),
     )
-    return Prediction(Series(), 0.1, runs, ("x",), {}, {}, sampler, 1e-6)  # pyright: ignore[reportArgumentType]
+    return Prediction(Series(), 0.1, runs, ("x",), {}, {}, {}, sampler, 1e-6)  # pyright: ignore[reportArgumentType]
 
 
 def test_an_error_is_foretold_by_the_next_two_orders() -> None:

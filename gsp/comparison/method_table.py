@@ -163,10 +163,8 @@ def method_table(
     branch = study.branch
     if points is not None:
         points = as_points(branch.system.x, points, what="points")[0]
-        if not (points.size and np.isfinite(points).all()):
-            raise DeclarationError(
-                "points are finite numbers, one point or more.", got=shown(points), value=points
-            )
+        if not points.size:
+            raise DeclarationError("points are one point or more.", got=shown(points), value=points)
     box = {s.name: study.region[s.name] for s in branch.system.x if s.name in study.region}
     x = _grid(branch, box) if points is None else points
     gridded = len(branch.system.x) <= LARGEST_GRID

@@ -51,8 +51,6 @@ def members_of(flow: Flow, starts: Starts, *, epsilon: Column | None, parameters
         sources["starts"] = rows[:, 0]
     else:
         rows, _ = as_points(flow.states, starts, what="starts")
-        for symbol, column in zip(flow.states, rows.T):
-            _check_finite(column, f"starts[{symbol.name!r}]")
         sources["starts"] = rows[:, 0]
     given = _parameters(flow, parameters)
     sources |= {f"parameters[{name!r}]": column for name, column in given.items()}
@@ -111,14 +109,11 @@ def _column(value: Column, what: str) -> np.ndarray:
             got=f"the shape {array.shape}",
             value=array.shape,
         )
-    _check_finite(np.atleast_1d(array), what)
-    return np.atleast_1d(array)
-
-
-def _check_finite(column: np.ndarray, what: str) -> None:
+    column = np.atleast_1d(array)
     wrong = np.flatnonzero(~np.isfinite(column))
     if wrong.size:
         raise DeclarationError(f"{what} is {column[wrong[0]]} for member {wrong[0]}.", "Give finite numbers.")
+    return column
 
 
 def _checked(epsilons: np.ndarray) -> float:

@@ -119,8 +119,6 @@ def zero_derivative(
     array, single = as_points(system.x, x, what="x")
     if not array.size:
         raise DeclarationError("x has no point.", "Give one or more.")
-    if not np.isfinite(array).all():
-        raise DeclarationError("x must be finite.", got=array[~np.isfinite(array).all(axis=1)][0])
     start = np.atleast_2d(branch.points(array, near=near))
     units = common_units(branch.system, np.hstack([array, sized(branch, start)]))
     own, (x_units, y_units) = branch.moved_into(units), np.split(units, [len(system.x)])

@@ -255,8 +255,17 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
     """Array (m, n) of points in n `symbols`, and whether a single point was given.
 
     `values` is a mapping of names or symbols to numbers or arrays (broadcast), or an array: (m, n), or (n,) for
-    one point, or for n = 1 a number (one point) or (m,). Raises `DeclarationError` otherwise.
+    one point, or for n = 1 a number (one point) or (m,). Raises `DeclarationError` otherwise, and for numbers that are
+    not finite.
     """
+    array, single = _as_points(symbols, values, what)
+    for i, k in np.argwhere(~np.isfinite(array))[:1]:
+        where = "" if len(array) == 1 else f" at point {i}"
+        raise DeclarationError(f"{what} must be finite.", got=f"{symbols[k].name} = {array[i, k]}{where}")
+    return array, single
+
+
+def _as_points(symbols: Sequence[sp.Symbol], values, what: str) -> tuple[np.ndarray, bool]:
     n = len(symbols)
     names = [symbol.name for symbol in symbols]
     if isinstance(values, Mapping):

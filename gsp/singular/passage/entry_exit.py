@@ -28,7 +28,7 @@ from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import PassedLoss, check_touching, passed_loss
 from gsp.singular.passage.slow_orbit import RESOLVED, ResolvedPanel, SlowOrbit, crossing, interpolate
-from gsp.systems.arguments import check_noun, check_number, shown
+from gsp.systems.arguments import check_noun, check_number
 from gsp.systems.flow import Point, as_points
 from gsp.systems.region import Interval, check_region
 
@@ -70,8 +70,6 @@ def entry_exit(
         raise DeclarationError("start is one point.", "Call entry_exit for each.", got=f"{len(array)} of them")
     if longest is not None:
         longest = check_number(longest, what="longest", be="a positive slow time", above=0.0)
-    if not np.isfinite(array).all():
-        raise DeclarationError("start is finite.", got=shown(start), value=start)
     box = None if region is None else check_region(region, [s.name for s in system.states])
     orbit = SlowOrbit(branch, array[0], box)
     values = orbit.eigenvalues(orbit.state[None, :])[0]
