@@ -389,7 +389,10 @@ def test_bad_calls_are_named() -> None:
     scene = models.load("michaelis_menten")
     with pytest.raises(DeclarationError, match="two epsilons or more"):
         method_table(scene, epsilons=(0.1,))
-    for points, said in (([], "points are one point or more"), ([[1.0], [float("inf")]], "points must be finite")):
+    for points, said in (
+        ([], "points are one point or more"),
+        ([[1.0], [float("inf")]], "points must be finite"),
+    ):
         with pytest.raises(DeclarationError, match=said):
             method_table(scene, points=points)
     with pytest.raises(DeclarationError, match="no interval for s"):
