@@ -228,8 +228,10 @@ TRAIN = 0.75 * np.sqrt(0.002 / np.pi) * (1 + 0.001 / 8) * (np.exp([-0.45, -0.3, 
         ("(sign(t - T) - sign(t - T - w))/(2*w)", ONE_PULSE, 2e-3),
         ("exp(-((t - T)/w)^2)/w", np.sqrt(np.pi) * ONE_PULSE, 2e-3),
         ("exp((cos(2*pi*(t - T)/3) - 1)/w)", TRAIN, 5e-3),
+        ("max(t - T, 0)*exp(-max(t - T, 0)/w)/w^2", ONE_PULSE, 2e-3),
+        ("exp(-(log(t/T)/w)^2)/(w*t)", np.sqrt(np.pi) * ONE_PULSE, 2e-3),
     ],
-    ids=["dose", "kick", "train"],
+    ids=["dose", "kick", "train", "synapse", "release"],
 )
 def test_pulses_are_met_in_full_and_reduced_runs(pulse: str, expected: float, off: float, opened) -> None:
     full, reduced = opened(DOSE.replace("PULSE", pulse)).run(
