@@ -16,6 +16,7 @@ from gsp.systems.region import Interval
 
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
+WITHIN_REGION = "A larger region or a shorter span would help."
 
 
 class Answer(StrEnum):
@@ -235,7 +236,7 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     if nearest.failure is Failure.UNTOLD:
         return "compare() measures its error against full runs."
     if nearest.failure is Failure.REGION:
-        return "A larger region or a shorter span would help."
+        return WITHIN_REGION
     enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
     # A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
     if enough >= 0.01 * scene.epsilon:
