@@ -13,7 +13,6 @@ from gsp.choice.forecast import Forecast, SurfaceForecast, surface_forecast_of
 from gsp.choice.prediction import CHECKS, REFINEMENTS, SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError, Status
 from gsp.integration.methods import SOLVERS, Method, choose_method
-from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
@@ -129,12 +128,12 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     else:
         holds, failure = prediction.holds_until(order, limit, after=after, last=last)
         # Infinite where a run has ended; then the reason says more.
-        times = spread_times(prediction.runs[order], after, last, GRID_POINTS)
+        times = forecast.times(prediction.runs[order], GRID_POINTS)
         predicted = float(forecast.errors(order, times).max())
         is_estimated = prediction.tells(order, times)
         if failure in (None, Failure.ERROR) and not is_estimated:
             failure = Failure.UNTOLD
-            why = f"{failure}: {_untold(prediction, order)}"
+            why = f"{failure}: {_untold(prediction, order, last)}"
         elif failure is Failure.END:
             ended = min(holds, prediction.covered(order))
             why = f"{failure} at t = {ended:.4g}: {prediction.runs[order].status.meaning}"
@@ -171,8 +170,10 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     return Trial(candidate, (again,), lambda seconds: seconds / share)
 
 
-def _untold(prediction: Prediction, order: int) -> str:
+def _untold(prediction: Prediction, order: int, last: float) -> str:
     """Why no run tells the error of this order."""
+    if prediction.is_across(order, last):
+        return "across a kink of the field the next order moves the run by less than the one after it"
     last = prediction.compared(order)[-1]
     if last == order:
         return "no higher order is run"
@@ -200,8 +201,8 @@ def solved_candidate(
         surface = surface_forecast_of(scene, forecast)
     except GspError as error:
         return left_out(error.reason)
-    after, last = scene.span[0] + forecast.layer, scene.span[1]
-    times = spread_times(surface.run, after, last, GRID_POINTS)
+    last = scene.span[1]
+    times = forecast.times(surface.run, GRID_POINTS)
     predicted, limit = float(surface.errors(times).max()), (1.0 - INTEGRATION) * scene.tolerance
 
     def again() -> Trajectory:

@@ -13,6 +13,7 @@ from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import InnerExpansion
 from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.spread_times import spread_times, within_steps
 from gsp.integration.surface_flow import LARGEST_SIZE, SurfaceFlow, flow_on
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
@@ -38,8 +39,9 @@ READYING = ("splitting", "critical", "branch", "numeric series", "inner")
 class Forecast:
     """A scene seen ahead: the series, where each order starts, how long the layer lasts, and the prediction.
 
-    `astray` says where the initial layer carries the start of the first order that begins beyond the sheet; that order
-    and those above it have no run; or why the layer's series ends before it. Empty where all begin on it.
+    `felt` is the time behind the layer at which most of it is left. `astray` says where the initial layer carries the
+    start of the first order that begins beyond the sheet; that order and those above it have no run; or why the layer's
+    series ends before it. Empty where all begin on it.
     """
 
     study: Study
@@ -48,10 +50,17 @@ class Forecast:
     flows: Mapping[int, ReducedFlow]
     starts: Mapping[int, Mapping[str, float]]
     layer: float
+    felt: float
     prediction: Prediction
     shared: float
     preparation: Mapping[int, float]
     astray: str
+
+    def times(self, run: Trajectory, count: int) -> np.ndarray:
+        """`count` times of a run behind the layer, those at equal parts of its way, and that at which most is felt."""
+        last = self.study.scene.span[1]
+        behind = spread_times(run, self.prediction.first + self.layer, last, count)
+        return np.union1d(behind, min(self.felt, last))
 
     def fast_errors(self, order: int, times: np.ndarray) -> tuple[float, float]:
         """The fast variables' predicted relative errors: the largest at `times` (m,), and that in the initial layer.
@@ -128,8 +137,11 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
     tau = np.linspace(0.0, 60.0 / inner.gap, 600)
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)
     felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
-    layer = 0.0 if not felt.size else scene.epsilon * float(tau[min(felt[-1] + 1, len(tau) - 1)])
-    return Forecast(study, series, inner, flows, starts, layer, prediction, shared, preparation, astray)
+    end = 0 if not felt.size else min(felt[-1] + 1, len(tau) - 1)
+    # What it moves slow variables by may be largest after the start.
+    most = end + int(np.argmax(left[end:]))
+    layer, later = scene.epsilon * float(tau[end]), scene.span[0] + scene.epsilon * float(tau[most])
+    return Forecast(study, series, inner, flows, starts, layer, later, prediction, shared, preparation, astray)
 
 
 def _start(study: Study, inner: InnerExpansion, epsilon: float, order: int) -> dict[str, float]:
@@ -229,19 +241,12 @@ class SurfaceForecast:
         return here | prediction.inside(run, whole, within=limit).all()
 
 
-def _between(times: np.ndarray) -> np.ndarray:
-    """`times` (m,) and places between them: a quantity is greatest within a step, not at its end."""
-    # Parts into which a step is cut where a run's range is looked for.
-    finer = np.linspace(0.0, len(times) - 1.0, 8 * (len(times) - 1) + 1)
-    return np.interp(finer, np.arange(len(times)), times)
-
-
 def _while_inside(prediction: Prediction, run: Trajectory) -> np.ndarray:
     """Times of a run, and between them, until it leaves the region, where it may begin beside that.
 
     Nothing is asked of the manifold beyond.
     """
-    times = _between(run.t)
+    times = within_steps(run.t)
     inside = prediction.inside(run, prediction.states(run, times))
     leaves = inside[:-1] & ~inside[1:]
     return times[: int(np.argmax(leaves)) + 2] if leaves.any() else times

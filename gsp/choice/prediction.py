@@ -22,7 +22,7 @@ from gsp.algebra.switching_functions import switches
 from gsp.critical.sampling import Sampler
 from gsp.errors import Status
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.spread_times import spread_times
+from gsp.integration.spread_times import spread_times, within_steps
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.scenes.raw_states import BESIDE, RawStates
 from gsp.scenes.scene import Scene
@@ -87,8 +87,14 @@ class Prediction:
         ]
 
     def tells(self, order: int, times: np.ndarray) -> bool:
-        """Whether the error at `times` is known: a single run ahead that does not differ may just have no term."""
+        """Whether the error at `times` is known: a single run ahead that does not differ may just have no term.
+
+        Across a kink runs of higher order are off by O(epsilon^2) of their own, which tells nothing where the next term
+        moves the run by less.
+        """
         ahead = len(self.compared(order)) - 1
+        if self.is_across(order, float(times[-1])) and not self.converges(order, times):
+            return False
         if ahead != 1:
             return ahead > 1
         errors = self.errors(order, times)
@@ -120,17 +126,24 @@ class Prediction:
 
     @cached_property
     def scale(self) -> dict[str, float]:
-        """Largest |value| of each quantity along the run of the lowest order along which it is not 0.
+        """Largest |value| of each quantity along the run that is told to be the most exact, within its steps too.
 
-        Where it is 0 to within the runs' own errors along all of them it is the largest in the region, and 1 where that
-        is 0 too.
+        That is the one which the run before it differs least from, of those that come furthest and along which the
+        quantity is not 0. Where it is 0 to within the runs' own errors along all of them it is the largest in the
+        region, and 1 where that is 0 too.
         """
-        sizes, scale = state_sizes(self.region), {}
+        furthest = max(map(self.covered, self.runs))
+        runs = [run for k, run in sorted(self.runs.items()) if self.covered(k) == furthest]
+        times = within_steps(runs[0].t)
+        sampled, sizes, scale = [run.sample(times) for run in runs], state_sizes(self.region), {}
         for name in self.names:
-            least = self.least_scale.get(name, 0.0)
-            found = [max(float(np.abs(self.runs[k][name]).max()), least) for k in sorted(self.runs)]
+            values = np.array([run[name] for run in sampled])
+            found = np.maximum(np.abs(values).max(axis=1), self.least_scale.get(name, 0.0))
             whole = sizes.get(name, found[0] or 1.0)
-            scale[name] = next((size for size in found if size > self.rtol * whole), whole)
+            told = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0)
+            exact = np.nan_to_num(np.append(told[:1], told), nan=np.inf) if told.size else np.zeros(1)
+            seen = np.flatnonzero(found > self.rtol * whole)
+            scale[name] = float(found[seen[np.argmin(exact[seen])]]) if seen.size else whole
         return scale
 
     def errors(self, order: int, times: np.ndarray) -> np.ndarray:
@@ -267,12 +280,16 @@ class Prediction:
             low, landed = after, None
         return float("inf")
 
+    def is_across(self, order: int, last: float) -> bool:
+        """Whether a run that tells the error of this order crosses a switching surface before `last`."""
+        return self._surfaces is not None and any(self.crossing(k) < last for k in self.compared(order)[1:])
+
     def _crossed(
         self, run: Trajectory, low: float, high: float, landed: np.ndarray | None
     ) -> tuple[float, float, bool]:
         """Times just before the first crossing, infinite where there is none, and just after; whether M0 jumps."""
         assert self._surfaces is not None
-        before, sides, leaps = float("inf"), None, []
+        before, sides, leaps, sizes = float("inf"), None, [], np.zeros(0)
         for _ in range(1 + REFINEMENTS):
             # Places at which the sides of switching surfaces are looked at, and again where one is crossed.
             times = np.linspace(low, high, 129)
@@ -288,14 +305,16 @@ class Prediction:
                 break
             before = low = float(times[other[0] - 1])
             high = float(times[other[0]])
-            leaps.append(
-                np.abs(np.diff(places[other[0] - 1 : other[0] + 1, len(self.sampler.system.x) :], axis=0))
-            )
+            fast = places[:, len(self.sampler.system.x) :]
+            leaps.append(np.abs(np.diff(fast[other[0] - 1 : other[0] + 1], axis=0)))
+            sizes = sizes if sizes.size else np.abs(fast).max(axis=0)
             if low == high:
                 break
-        # What is continuous changes less over a shorter time.
-        jumps = len(leaps) > 1 and bool((leaps[-1] > 0.5 * leaps[0]).any() and leaps[-1].max() > 0.0)
-        return before, high, jumps
+        if len(leaps) < 2:
+            return before, high, False
+        # What is continuous changes less over a shorter time, but for rounding.
+        jumps = (leaps[-1] > 0.5 * leaps[0]) & (leaps[-1] > self.rtol * sizes)
+        return before, high, bool(jumps.any())
 
     @cached_property
     def _surfaces(self):
@@ -315,6 +334,8 @@ class Prediction:
             return np.zeros(len(sizes), dtype=bool)
         left, beyond = sizes[:, 1 : order + 2].copy(), sizes[:, 2 : order + ahead + 1]
         left[:, : beyond.shape[1]] = np.maximum(left[:, : beyond.shape[1]], beyond)
+        # At rest all of them vanish, and what they are found to be is rounding.
+        left = np.maximum(left, np.finfo(float).eps * np.nan_to_num(sizes[:, :1], posinf=0.0).max(initial=0.0))
         return left[:, order] > left.min(axis=1)
 
     def _places(self, run: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

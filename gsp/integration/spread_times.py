@@ -19,3 +19,10 @@ def spread_times(run: Trajectory, first: float, last: float, count: int) -> np.n
     begin, end = np.interp([first, last], t, way)
     times = np.interp(np.linspace(begin, end, count), way, t)
     return np.union1d(np.linspace(first, last, count), times[(times > first) & (times < last)])
+
+
+def within_steps(times: np.ndarray) -> np.ndarray:
+    """`times` (m,) and places between them: a quantity is greatest within a step, not at its end."""
+    # Parts into which a step is cut where a run's range is looked for.
+    finer = np.linspace(0.0, len(times) - 1.0, 8 * (len(times) - 1) + 1)
+    return np.interp(finer, np.arange(len(times)), times)

@@ -120,3 +120,22 @@ def test_a_yes_never_stands_beside_a_measured_error_beyond_the_tolerance(
     assert not any(c.valid for c in found.candidates[:2])
     assert "more than was predicted" in found.candidates[0].why_not
     assert found.verdict.answer == "no"
+
+
+def test_a_dose_that_begins_at_a_time_that_is_looked_at_is_no_jump() -> None:
+    """The run is looked at from t = 1.5 on, at the beginning of the dose to rounding, and again as it is narrowed down.
+
+    The order after the next is off by more than the next moves the run: of order 0 the error is measured then.
+    """
+    clock, dose = sp.symbols("clock dose")
+    system = SlowFastSystem(
+        slow={clock: 1, v: dose}, fast={dose: sp.Max(0, 1 - 4 * (clock - 2) ** 2) - dose}, epsilon=eps
+    )
+    asked = Scene(
+        system, {"clock": (0, 7), "v": (0, 9)}, {"clock": 0, "v": 1, "dose": 0}, (0, 6), 0.4, tolerance=0.45
+    )
+    best = choose(asked, orders=(0,), solve=False).candidates[0]
+    assert best.valid
+    assert best.is_measured
+    # With SciPy's Radau at 1e-9.
+    assert best.predicted == pytest.approx(0.17101, rel=0.01)
