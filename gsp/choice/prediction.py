@@ -217,20 +217,22 @@ class Prediction:
         may be off: a share `within` of what an error is relative to, or of a side where that is not known.
 
         The region of a field that was split bounds its raw states, whichever of them became fast coordinates.
-        Where the layer leads within a limit the run may begin beyond it: by as much as the fibre carries a base point.
+        Where the layer leads within a limit the run may begin beyond it by as much as the fibre carries the slow
+        variables of a base point.
         """
-        system = self.sampler.system
-        first = [run[s.name][0] for s in system.states]
-        points = np.vstack([first if self.landed is None else self.landed, first, states])
+        system, nx = self.sampler.system, len(self.sampler.system.x)
+        first = np.array([run[s.name][0] for s in system.states])
+        landed = first if self.landed is None else self.landed
+        points = np.vstack([landed, np.append(first[:nx], landed[nx:]), states])
         values, region = dict(zip((s.name for s in system.states), points.T)), self.limits
         if self.raw is not None:
             values, region = self.raw.values(points), self.raw.region
         good = np.ones(len(states), dtype=bool)
         for name, (low, high) in region.items():
-            (landed, first), later = values[name][:2], values[name][2:]
+            (on, carried), later = values[name][:2], values[name][2:]
             slack = max(BESIDE * (high - low), within * self.scale.get(name, high - low))
-            if low - slack <= landed <= high + slack:
-                low, high = min(low, first), max(high, first)
+            if low - slack <= on <= high + slack:
+                low, high = min(low, carried), max(high, carried)
             good &= ~((later < low - slack) | (later > high + slack))
         return good
 
