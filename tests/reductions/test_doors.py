@@ -98,8 +98,8 @@ def test_a_reduction_that_is_foretold_too_is_no_chance() -> None:
 
 @pytest.mark.parametrize(("most", "leaves"), [(2.05, True), (2.5, False)])
 def test_a_limit_of_a_fast_variable_is_met_where_the_corrected_run_begins(most: float, leaves: bool) -> None:
-    """With a' = -4 a to leading order b is 2 a + 8 a/40 on M_epsilon, 2.2 at the start, where M0 has 2."""
-    asked = scene({"a": "-2*b", "b": "40*(2*a - b)"}, {}, {"a": 1, "b": 2}, 1)
+    """With a' = -4 a or so b is 2 a + 8 a/40 on M_epsilon, 2.2 at the start, where M0 has 2; a feels no layer."""
+    asked = scene({"a": "-4*a - b/100", "b": "40*(2*a - b)"}, {}, {"a": 1, "b": 2}, 1)
     asked = replace(asked, region={"a": (0, 1), "b": (0, most)}, tolerance=0.05)
     first = choose(take_fast(asked, variables=["b"]), orders=(1,), solve=False).candidates[0]
     assert (first.failure is Failure.REGION) is leaves
