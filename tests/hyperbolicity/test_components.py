@@ -34,8 +34,10 @@ def test_a_cusp_is_told_where_folds_lie_on_both_sides_and_where_it_was_located_i
     fold, *others = named_losses(diagnosis, [Found(on_the_curve(t), Contact.ZERO) for t in places])
     assert fold.kind is LossKind.FOLD
     assert fold.samples == len(places)
+    assert f", one of {len(places)} samples of it" in fold.headline
     assert fold.extent["u"] == pytest.approx((3 * min(map(abs, places)) ** 2, 3 * max(map(abs, places)) ** 2))
     has_cusp = min(places) <= 0.0 <= max(places)
     assert [loss.kind for loss in others] == [LossKind.CUSP] * has_cusp
     for cusp in others:
+        assert "samples of it" not in cusp.headline
         assert [cusp.point[name] for name in "xuy"] == pytest.approx([0, 0, 0], abs=1e-9)
