@@ -193,6 +193,7 @@ def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_the_whole(mo
     forecast = SimpleNamespace(
         prediction=prediction, flows={0: None, AHEAD: None}, starts={0: None}, layer=0.0,
         errors=lambda order, times: np.zeros(len(times)), preparation={0: 7.0},
+        times=lambda run, count: np.linspace(first, last, count),
     )  # fmt: skip
     trial = candidates.reduced_candidate(forecast, 0, scene, 1e-6)  # pyright: ignore[reportArgumentType]
     found = trial.candidate

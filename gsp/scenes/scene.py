@@ -136,6 +136,8 @@ class Scene(Question, Card):
                     point=start,
                 )
         self._set("region", region)
+        if not isinstance(self.found_bounds, Mapping) or self.found_bounds:
+            self._set("found_bounds", check_region(self.found_bounds, states, what="found_bounds"))
         self._set("reconstruction", MappingProxyType(drivers))
         self._set("start", MappingProxyType(start))
         self._set("reconstruction_start", MappingProxyType(driven))

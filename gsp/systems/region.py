@@ -120,6 +120,7 @@ def check_region(
     names: Sequence[str],
     *,
     required: Sequence[str] = (),
+    what: str = "region",
 ) -> Mapping[str, Interval]:
     """`region` as {name: (low, high)} in the order of `names`, every `required` name among them.
 
@@ -127,16 +128,16 @@ def check_region(
     narrow that double precision does not hold their third powers.
     """
     if not isinstance(region, Mapping):
-        raise DeclarationError("region maps states to intervals (low, high).", got=shown(region), value=region)
+        raise DeclarationError(f"{what} maps states to intervals (low, high).", got=shown(region), value=region)
     given: dict[str, Interval] = {}
     for key, bounds in region.items():
         name = key.name if isinstance(key, sp.Symbol) else key
         if name not in names:
             raise DeclarationError.none_of(
-                names, name, f'region bounds "{name}", which is no state.', "The states are"
+                names, name, f'{what} bounds "{name}", which is no state.', "The states are"
             )
         if name in given:
-            raise DeclarationError(f'region bounds "{name}" twice.', "Give one interval.")
+            raise DeclarationError(f'{what} bounds "{name}" twice.', "Give one interval.")
         given[name] = check_interval(
             bounds, what=f"region of {name}", remedy="Give (low, high) with low < high."
         )
