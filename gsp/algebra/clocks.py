@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -91,8 +91,7 @@ def _zeros(
 
 def _branches(expression: sp.Expr) -> Iterator[sp.Expr]:
     """The smooth expressions of which one with kinks is made; it alone where it has several kinks side by side."""
-    kinks = expression.atoms(sp.Abs, sp.Max, sp.Min)
-    outer = [k for k in kinks if not any(k is not other and other.has(k) for other in kinks)]
+    outer = _outermost(expression.atoms(sp.Abs, sp.Max, sp.Min))
     if len(outer) != 1:
         # Each would double their number.
         yield expression
@@ -160,15 +159,19 @@ def _zeros_of_inverse(expression: sp.Expr, clock: sp.Symbol, period: sp.Expr | N
     inner = [
         n for n in top.atoms(sp.log, sp.exp, sp.Pow) if n.has(clock) and not (n.is_Pow and n.exp.is_Integer)
     ]
-    outer = [node for node in inner if not any(node is not other and other.has(node) for other in inner)]
-    of = sp.Dummy()
+    outer, of = _outermost(inner), sp.Dummy()
     if len(outer) != 1 or (flat := top.xreplace({outer[0]: of})).has(clock) or not flat.is_polynomial(of):
         return
     for coefficients in (factor.all_coeffs() for factor, _ in sp.Poly(flat, of).factor_list()[1]):
         if len(coefficients) == 2:
             argument, value = _inverse(outer[0], -coefficients[1] / coefficients[0], clock)
-            if not value.has(sp.I, sp.nan, sp.zoo, sp.oo):
+            if not value.has(sp.I, sp.nan, sp.zoo, sp.oo, -sp.oo):
                 yield from _zeros_of(argument - value, clock, period)
+
+
+def _outermost(nodes: Collection[sp.Expr]) -> list[sp.Expr]:
+    """Those of the nodes that stand in no other one."""
+    return [node for node in nodes if not any(node is not other and other.has(node) for other in nodes)]
 
 
 def _inverse(function: sp.Expr, value: sp.Expr, clock: sp.Symbol) -> tuple[sp.Expr, sp.Expr]:

@@ -133,7 +133,7 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
         is_estimated = prediction.tells(order, times)
         if failure in (None, Failure.ERROR) and not is_estimated:
             failure = Failure.UNTOLD
-            why = f"{failure}: {_untold(prediction, order, last)}"
+            why = f"{failure}: {_untold(prediction, order, times)}"
         elif failure is Failure.END:
             ended = min(holds, prediction.covered(order))
             why = f"{failure} at t = {ended:.4g}: {prediction.runs[order].status.meaning}"
@@ -170,9 +170,9 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     return Trial(candidate, (again,), lambda seconds: seconds / share)
 
 
-def _untold(prediction: Prediction, order: int, last: float) -> str:
+def _untold(prediction: Prediction, order: int, times: np.ndarray) -> str:
     """Why no run tells the error of this order."""
-    if prediction.is_across(order, last):
+    if prediction.is_hidden(order, times):
         return "across a kink of the field the next order moves the run by less than the one after it"
     last = prediction.compared(order)[-1]
     if last == order:

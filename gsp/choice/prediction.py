@@ -87,13 +87,9 @@ class Prediction:
         ]
 
     def tells(self, order: int, times: np.ndarray) -> bool:
-        """Whether the error at `times` is known: a single run ahead that does not differ may just have no term.
-
-        Across a kink runs of higher order are off by O(epsilon^2) of their own, which tells nothing where the next term
-        moves the run by less.
-        """
+        """Whether the error at `times` is known: a single run ahead that does not differ may just have no term."""
         ahead = len(self.compared(order)) - 1
-        if self.is_across(order, float(times[-1])) and not self.converges(order, times):
+        if self.is_hidden(order, times):
             return False
         if ahead != 1:
             return ahead > 1
@@ -282,9 +278,13 @@ class Prediction:
             low, landed = after, None
         return float("inf")
 
-    def is_across(self, order: int, last: float) -> bool:
-        """Whether a run that tells the error of this order crosses a switching surface before `last`."""
-        return self._surfaces is not None and any(self.crossing(k) < last for k in self.compared(order)[1:])
+    def is_hidden(self, order: int, times: np.ndarray) -> bool:
+        """Whether the error at `times` is hidden by that of the runs ahead, which is O(epsilon^2) across a kink.
+
+        It is where the next term moves the run by less than the one after it.
+        """
+        across = any(self.crossing(k) < times[-1] for k in self.compared(order)[1:])
+        return across and not self.converges(order, times)
 
     def _crossed(
         self, run: Trajectory, low: float, high: float, landed: np.ndarray | None
