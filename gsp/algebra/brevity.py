@@ -11,6 +11,8 @@ from gsp.algebra.sharing import operations
 
 # Characters of an expression in a message.
 SHOWN = 240
+# Characters of a formula that stands in the middle of a line or a table: what takes more hides what is beside it.
+HALF_LINE = 64
 # How many of many quantities a message lists.
 LISTED = 12
 

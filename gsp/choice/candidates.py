@@ -20,7 +20,7 @@ from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
 from gsp.systems.tolerances import absolute_tolerance
 
-# Share of the tolerance left to the integrator; a model has the rest.
+# Share of the tolerance that is the integrator's; a model has the rest.
 INTEGRATION = 0.1
 # A layer that takes more of the span than this leaves nothing to reduce.
 LARGEST_LAYER = 0.5
@@ -40,6 +40,23 @@ class ModelKind(StrEnum):
     REDUCED = "reduced"
     SOLVED = "solved"
     FULL = "full"
+
+
+def left_to_model(tolerance: float) -> float:
+    """What a model may be off by, predicted or measured: the integrator has the rest."""
+    return (1.0 - INTEGRATION) * tolerance
+
+
+def limit_passed(error: float, tolerance: float) -> str:
+    """What an error passes that is more than a model may be off by."""
+    if not error <= tolerance:
+        return "the tolerance"
+    return f"the {left_to_model(tolerance):.3g} that the integrator leaves of the tolerance"
+
+
+def _passing(predicted: float, tolerance: float) -> str:
+    """That a predicted error is more than a model may be off by."""
+    return f"the predicted error passes {limit_passed(predicted, tolerance)}"
 
 
 def label_of(kind: ModelKind, order: int | None) -> str:
@@ -118,7 +135,7 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
         why = f"not looked at: the series is run through order {max(prediction.runs)} only"
         return Trial(Candidate(ModelKind.REDUCED, order, holds_until=first, why_not=why))
     after = first + forecast.layer
-    limit = (1.0 - INTEGRATION) * scene.tolerance
+    limit = left_to_model(scene.tolerance)
     predicted, holds, why = float("inf"), first, ""
     failure: Failure | None = None
     if forecast.layer > LARGEST_LAYER * (last - first):
@@ -138,10 +155,11 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
             ended = min(holds, prediction.covered(order))
             why = f"{failure} at t = {ended:.4g}: {prediction.runs[order].status.meaning}"
         elif failure is not None:
-            why = f"{failure} at t = {holds:.4g}"
+            told = _passing(predicted, scene.tolerance) if failure is Failure.ERROR else failure
+            why = f"{told} at t = {holds:.4g}"
         elif predicted > limit:
             failure = Failure.ERROR
-            why = f"{failure}"
+            why = _passing(predicted, scene.tolerance)
         if not is_estimated:
             predicted, holds = float("nan"), first
         elif prediction.crossing(order) < last:
@@ -203,7 +221,7 @@ def solved_candidate(
         return left_out(error.reason)
     last = scene.span[1]
     times = forecast.times(surface.run, GRID_POINTS)
-    predicted, limit = float(surface.errors(times).max()), (1.0 - INTEGRATION) * scene.tolerance
+    predicted, limit = float(surface.errors(times).max()), left_to_model(scene.tolerance)
 
     def again() -> Trajectory:
         return run_model(surface.flow, surface.start, scene, scene.span, rtol)
@@ -220,7 +238,7 @@ def solved_candidate(
         why = "the run leaves the piece of the manifold that was solved"
     elif not predicted <= limit:
         failure = Failure.ERROR
-        why = f"{failure}"
+        why = _passing(predicted, scene.tolerance)
     holds = _held(surface, times, limit) if why else last
     preparation = forecast.shared + surface.preparation
     candidate = Candidate(
@@ -256,7 +274,9 @@ def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
     What leaves the region that was asked about does not serve, however small its error is.
     """
     candidate = trial.candidate
-    serves = error <= scene.tolerance
+    serves = error <= left_to_model(scene.tolerance)
+    # Beside a tolerance that is not passed, what is.
+    passed = f", and passes {limit_passed(error, scene.tolerance)}" if error <= scene.tolerance else ""
     if not candidate.follows or (serves and candidate.failure is Failure.REGION):
         return trial
     found = replace(
@@ -265,7 +285,7 @@ def measured_candidate(trial: Trial, error: float, scene: Scene) -> Trial:
         is_measured=True,
         valid=serves,
         holds_until=scene.span[1] if serves else candidate.holds_until,
-        why_not="" if serves else f"its error, measured over the span, is {error:.1e}",
+        why_not="" if serves else f"its error, measured over the span, is {error:.1e}{passed}",
         failure=None if serves else Failure.ERROR,
     )
     return replace(trial, candidate=found)

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gsp.algebra.brevity import HALF_LINE
 from gsp.choice.candidates import (
     GRID_POINTS,
     INTEGRATION,
@@ -54,7 +55,7 @@ class Choice(Card, Tabular):
     """What to run for a scene at one `epsilon` and `tolerance`, and why.
 
     Errors are the largest of |difference| over the `names` (the slow variables in standard form, and the fast ones if
-    asked for), each relative to its largest value on the span, from the end of the initial `layer` (slow time) on.
+    asked for), each relative to its largest value, from the end of the initial `layer` (slow time) on.
     `predicted` is the model's over the span; on the `piece` (t0, t1) it is `predicted_on_piece`, and `measured` there
     against a full run. `speed_up` is full over chosen seconds. `partial` is the reduced flow that serves longest when
     none serves the whole span, for `simulate`; `manifold` is the solved manifold when that was chosen. `verdict` is the
@@ -313,8 +314,7 @@ def _defined(names: Sequence[str], forecast: Forecast | None) -> list[str]:
     splitting = forecast.study.splitting if forecast else None
     made = {} if splitting is None else {s.name: e for s, e in splitting.coordinates.items() if e != s}
     shown = {name: f"{name} = {e}" for name, e in made.items()}
-    # What takes more than half a line hides the number that it stands behind.
-    return [shown[n] if n in shown and len(shown[n]) < 64 else n for n in names]
+    return [shown[n] if n in shown and len(shown[n]) < HALF_LINE else n for n in names]
 
 
 @dataclass(frozen=True, eq=False)

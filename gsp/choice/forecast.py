@@ -135,9 +135,14 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
     prediction = replace(prediction, settled=settled, landed=landed)
     # The end of the layer is looked for up to sixty fast times 1/gap: exp(-60) is far below rounding.
     tau = np.linspace(0.0, 60.0 / inner.gap, 600)
-    left = layer_left(inner, tau, scene.epsilon, prediction.scale)
-    felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
-    end = 0 if not felt.size else min(felt[-1] + 1, len(tau) - 1)
+    begun, end = -1, 0
+    # What is left behind the layer is relative to how large the states are there, where errors count.
+    while begun < end:
+        begun = end
+        prediction = replace(prediction, after=scene.span[0] + scene.epsilon * float(tau[end]))
+        left = layer_left(inner, tau, scene.epsilon, prediction.scale)
+        felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
+        end = max(begun, 0 if not felt.size else min(felt[-1] + 1, len(tau) - 1))
     # What it moves slow variables by may be largest after the start.
     most = end + int(np.argmax(left[end:]))
     layer, later = scene.epsilon * float(tau[end]), scene.span[0] + scene.epsilon * float(tau[most])

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gsp.choice.candidates import GRID_POINTS, INTEGRATION, Candidate, Trial, measured_candidate, run_model
+from gsp.choice.candidates import (
+    GRID_POINTS,
+    INTEGRATION,
+    Candidate,
+    Trial,
+    left_to_model,
+    measured_candidate,
+    run_model,
+)
 from gsp.choice.forecast import Forecast
 from gsp.choice.prediction import Failure
 from gsp.errors import GspError
@@ -20,7 +28,8 @@ RTOL = 1e-10
 def measured_errors(
     study: Study, candidates: Sequence[Candidate], names: Sequence[str], layer: float
 ) -> dict[int, float]:
-    """The largest relative error of the states `names` over the span behind the `layer`, by order.
+    """The largest error of the states `names` over the span behind the `layer`, relative to how large each is there, by
+    order.
 
     Without flows whose runs take more steps than the full run calls its field: reducing to them saves nothing; and
     empty where the full run does not reach its end.
@@ -65,8 +74,8 @@ def measured_where_untold(trials: Sequence[Trial], forecast: Forecast, names: Se
         return list(trials)
     scene = forecast.study.scene
     errors = measured_errors(forecast.study, untold, names, forecast.layer)
-    # What passes the tolerance stays as it was: how far it would have held is told there.
-    serving = {order: error for order, error in errors.items() if error <= scene.tolerance}
+    # What passes it stays as it was: how far it would have held is told there.
+    serving = {order: error for order, error in errors.items() if error <= left_to_model(scene.tolerance)}
     return [
         measured_candidate(t, serving[t.candidate.order], scene) if t.candidate.order in serving else t
         for t in trials

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gsp.choice.candidates import INTEGRATION, ModelKind, label_of, run_model
+from gsp.choice.candidates import INTEGRATION, ModelKind, label_of, left_to_model, run_model
 from gsp.choice.forecast import base_start, forecast_of
 from gsp.choice.hybrid_run import HybridRun
 from gsp.choice.prediction import Failure, Prediction, predict
@@ -203,7 +203,7 @@ class _Switcher:
         """Where this piece is left, and why: it may use as much of the tolerance as it takes of the span."""
         if not after < self.last:
             return t, Failure.END
-        rate = (1.0 - INTEGRATION) * self.tolerance / (self.last - self.scene.span[0])
+        rate = left_to_model(self.tolerance) / (self.last - self.scene.span[0])
         end, failure = self.last, None
         for _ in range(2):
             limit = rate * (end - t)

@@ -60,9 +60,9 @@ class Prediction:
     """Reduced `runs` by order over one span, and what they say about one another.
 
     `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to; `rtol`
-    is what the runs were asked for. Up to the time `settled` the solution is not near the manifold yet; `landed` (n,)
-    is where its layer leads on M0, if one comes first. `limits` are what a run may not leave, and `raw` has them in the
-    states of a field that was split.
+    is what the runs were asked for. Errors count from the time `after` on. Up to the time `settled` the solution is not
+    near the manifold yet; `landed` (n,) is where its layer leads on M0, if one comes first. `limits` are what a run may
+    not leave, and `raw` has them in the states of a field that was split.
     """
 
     series: SeriesManifold
@@ -74,6 +74,7 @@ class Prediction:
     least_scale: Mapping[str, float]
     sampler: Sampler
     rtol: float
+    after: float = -np.inf
     settled: float = -np.inf
     landed: np.ndarray | None = None
     raw: RawStates | None = None
@@ -122,7 +123,8 @@ class Prediction:
 
     @cached_property
     def scale(self) -> dict[str, float]:
-        """Largest |value| of each quantity along the run that is told to be the most exact, within its steps too.
+        """Largest |value| of each quantity, where errors count, along the run that is told to be the most exact, within
+        its steps too.
 
         That is the one which the run before it differs least from, of those that come furthest and along which the
         quantity is not 0. Where it is 0 to within the runs' own errors along all of them it is the largest in the
@@ -131,6 +133,7 @@ class Prediction:
         furthest = max(map(self.covered, self.runs))
         runs = [run for k, run in sorted(self.runs.items()) if self.covered(k) == furthest]
         times = within_steps(runs[0].t)
+        times = np.append(min(max(self.after, times[0]), furthest), times[times > self.after])
         sampled, sizes, scale = [run.sample(times) for run in runs], state_sizes(self.region), {}
         for name in self.names:
             values = np.array([run[name] for run in sampled])

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from gsp.choice.candidates import INTEGRATION, LARGEST_LAYER, Candidate, ModelKind
+from gsp.choice.candidates import LARGEST_LAYER, Candidate, ModelKind, left_to_model
 from gsp.choice.costs import Cost, cheapest, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
@@ -246,7 +246,7 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
 
 def _enough(candidate: Candidate, scene: Scene) -> float:
     """The epsilon at which an error that falls like epsilon^(order + 1) meets the tolerance; 0 where none is told."""
-    limit = (1.0 - INTEGRATION) * scene.tolerance
+    limit = left_to_model(scene.tolerance)
     # An error within the limit is not what stands in the way.
     if candidate.order is None or candidate.valid or not limit < candidate.predicted < np.inf:
         return 0.0

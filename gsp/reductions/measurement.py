@@ -14,6 +14,8 @@ from gsp.choice.candidates import (
     ModelKind,
     Trial,
     full_candidate,
+    left_to_model,
+    limit_passed,
     run_model,
 )
 from gsp.choice.choice import Choice, choose
@@ -85,8 +87,8 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
             why_not = "its run does not reach the end with as many steps as the full run calls its field"
         if not why_not and not _is_separated(errors):
             why_not = "to leading orders the error is more than a tenth: nothing is separated"
-        if not why_not and not error <= scene.tolerance:
-            why_not = "the error passes the tolerance"
+        if not why_not and not error <= left_to_model(scene.tolerance):
+            why_not = f"the error passes {limit_passed(error, scene.tolerance)}"
         if not why_not and c.failure is Failure.REGION:
             why_not = c.why_not
         gap = gaps[part.count - 1]

@@ -17,8 +17,8 @@ class Reduction(Card):
     """One candidate, measured: `scene` has its small parameter, `error` is that of the reduced flow of `order`.
 
     The error is the largest of a slow variable over `measured`, the span behind the initial layer, relative to the
-    largest value of the variable, of the reduced flow from the base point of the start, against the full run from the
-    start. With `counts_fast`, where no slow variable takes notice of the fast ones, or none moves by a tenth of its
+    largest value of the variable there, of the reduced flow from the base point of the start, against the full run from
+    the start. With `counts_fast`, where no slow variable takes notice of the fast ones, or none moves by a tenth of its
     value, these count too. `seconds` are those of a run, and `full_seconds` of one of the full system, measured
     together. `why_not` says why it does not serve. `is_stiff` is whether the reduced flow is run as a stiff one.
     """

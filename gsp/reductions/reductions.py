@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.choice.candidates import GRID_POINTS
+from gsp.algebra.brevity import HALF_LINE
+from gsp.choice.candidates import GRID_POINTS, left_to_model
 from gsp.choice.choice import Choice
 from gsp.choice.costs import cheapest
 from gsp.choice.measured_errors import RTOL
@@ -85,9 +86,9 @@ class Reductions(Card):
         taken = self.taken
         if taken is None:
             return None
-        tolerance = taken.scene.tolerance
+        limit = left_to_model(taken.scene.tolerance)
         own = [each for each in self.found if each.name == taken.name]
-        errors = {each.order: each.error for each in own if not each.why_not or each.error > tolerance}
+        errors = {each.order: each.error for each in own if not each.why_not or each.error > limit}
         return replace(study_of(taken.scene), measured=errors, is_stiff=taken.is_stiff)
 
     def as_dict(self) -> dict[str, object]:
@@ -153,23 +154,24 @@ class Reductions(Card):
     def __str__(self) -> str:
         lines = [self.reason]
         if self.found:
-            width = max(len(each.name) for each in self.found)
+            width = _width([each.name for each in self.found])
             lines.append(f"    {'what is fast':<{width}}  order     error       run  of the full system")
         for each in self.shown():
             mark = "->" if each is self.recommended else ""
             share = each.seconds / each.full_seconds
             cost = f"{share:7.2f}" if np.isfinite(share) else ""
             lines.append(
-                f"  {mark:2}{each.name:<{width}}  {each.order:5d}  {_shown(each.error):>8}  "
+                f"  {mark:2}{_cell(each.name, width)}  {each.order:5d}  {_shown(each.error):>8}  "
                 f"{seconds_shown(each.seconds):>8}  {cost:>7}  {each.why_not}".rstrip()
             )
         if self.near:
             names = [SpecialPart(each).name for each, _ in self.near]
             heading = "special values of parameters"
-            width = max(map(len, (heading, *names)))
+            width = _width([heading, *names])
             lines.append(f"    {heading:<{width}}  order     error")
             lines += [
-                f"    {name:<{width}}  {0:5d}  {_shown(error):>8}" for name, (_, error) in zip(names, self.near)
+                f"    {_cell(name, width)}  {0:5d}  {_shown(error):>8}"
+                for name, (_, error) in zip(names, self.near)
             ]
         return "\n".join(lines)
 
@@ -360,6 +362,15 @@ def _reason(
             "layer to pass before the rest has moved."
         )
     return f"Do not reduce: no part of the field is fast, attracts and lets the rest follow {over}."
+
+
+def _width(names: Iterable[str]) -> int:
+    """Of a column of names; one of more than half a line has a line of its own."""
+    return max((len(name) for name in names if len(name) <= HALF_LINE), default=0)
+
+
+def _cell(name: str, width: int) -> str:
+    return f"{name:<{width}}" if len(name) <= width else f"{name}\n{'':<{width + 4}}"
 
 
 def _shown(error: float | None) -> str:

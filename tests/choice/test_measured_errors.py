@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp.choice.candidates import Candidate, ModelKind, Trial
+from gsp.choice.candidates import Candidate, ModelKind, Trial, measured_candidate
 from gsp.choice.choice import choose
 from gsp.choice.forecast import forecast_of
 from gsp.choice.measured_errors import measured_errors, measured_where_untold
@@ -59,6 +59,23 @@ def test_the_error_is_the_same_where_a_scene_reconstructs() -> None:
         measured_errors(study_of(s), [untold(0)], ["x"], LAYER).values() for s in (place, SCENE)
     )
     assert own == pytest.approx(alone)
+
+
+def test_what_is_predicted_and_what_is_measured_are_relative_to_the_largest_value_behind_the_layer() -> None:
+    """x falls to a third before the layer has left less than a tenth of the tolerance."""
+    choice = choose(replace(SCENE, tolerance=1e-9), solve=False)
+    assert np.abs(exact(np.linspace(choice.layer, END, 401))).max() < 0.5
+    (error,) = measured_errors(choice.study, [choice.candidates[0]], ["x"], choice.layer).values()
+    assert 0.33 * choice.candidates[0].predicted <= error <= 1.02 * choice.candidates[0].predicted
+
+
+@pytest.mark.parametrize("share", [0.85, 0.95])
+def test_a_measured_error_has_to_be_within_what_the_integrator_leaves_as_a_predicted_one_has(
+    share: float,
+) -> None:
+    found = measured_candidate(Trial(untold(0)), share * SCENE.tolerance, SCENE).candidate
+    assert found.valid is (share < 0.9)
+    assert ("passes the 0.0009 that the integrator leaves of the tolerance" in found.why_not) is (share > 0.9)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 0.2])

@@ -391,6 +391,11 @@ def test_special_values_of_the_parameters_stand_beside_with_their_errors() -> No
     assert little.error == pytest.approx(np.abs(full.sol(times)[0] - reduced.sol(times)[0]).max(), rel=0.02)
     assert "motion onto c = 0, for small e0" in str(found)
     assert {"vanishing": ["e0"], "manifold": ["c"], "error": little.error} in found.as_dict()["special"]
+    # A name of more than half a line has a line of its own, and moves no column.
+    long = replace(found, found=(replace(found.found[0], name="of " + 80 * "x"), *found.found[1:]))
+    _, heading, name, numbers, *_ = str(long).splitlines()
+    assert name == f"    of {80 * 'x'}"
+    assert len(numbers) - len(numbers.lstrip()) + 1 == heading.index("order") + len("order")
 
 
 @pytest.mark.exhaustive
