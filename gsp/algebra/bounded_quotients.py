@@ -22,31 +22,34 @@ _WAVES = (sp.exp, sp.cosh, sp.sinh)
 _Powers = dict[Any, int]
 
 
-class _Written(NamedTuple):
+class Written(NamedTuple):
     """An expression as (1): `powers` has c by -u and d by u, for each u."""
 
     value: Any
     powers: _Powers
 
 
-def bounded(expression: Any) -> Any:
-    """A product or a logarithm by parts that are finite where its value is; itself where there is nothing to do."""
+def bounded(expression: Any, known: dict[Any, Written]) -> Any:
+    """A product or a logarithm by parts that are finite where its value is; itself where there is nothing to do.
+
+    What its parts are as (1) is kept in `known`: the terms of a long sum share most of them.
+    """
     if expression.is_Mul:
-        return bounded_product(_bounded_quotient(expression))
-    return _bounded_logarithm(expression) if isinstance(expression, sp.log) else expression
+        return bounded_product(_bounded_quotient(expression, known))
+    return _bounded_logarithm(expression, known) if isinstance(expression, sp.log) else expression
 
 
 def finite(expression: Any) -> Any:
     """`expression` with all its parts `bounded`; itself where parts are shared, which a walk would meet as often."""
     if is_shared(expression) or not _waves(expression):
         return expression
-    found = bounded(expression)
+    found = bounded(expression, {})
     if found is not expression:
         return finite(found)
     return expression.func(*map(finite, expression.args))
 
 
-def _bounded_quotient(expression: Any) -> Any:
+def _bounded_quotient(expression: Any, known: dict[Any, Written]) -> Any:
     """A product over and under a bar of sums of exp, cosh and sinh, none of which overflows then; itself if it is none.
 
     The same number: (a + b exp(u))/(c + d exp(u)) is (a e2 + b e1)/(c e2 + d e1).
@@ -55,21 +58,22 @@ def _bounded_quotient(expression: Any) -> Any:
         return expression
     below = [f.base for f in expression.args if f.is_Pow and f.exp.is_Integer and f.exp.is_negative]
     above = [f.base if f.is_Pow else f for f in expression.args]
-    if not (any(map(_waves, below)) and any(f.is_Add and f not in below and _waves(f) for f in above)):
+    sums = [f for f in above if f.is_Add and f not in below]
+    if not all(any(_written(f, known).powers for f in part) for part in (below, sums)):
         return expression
-    value, powers = _written(expression, {})
+    value, powers = _written(expression, known)
     if not powers:
         # What is left of exponentials stands within other functions.
         return expression
     return times(value, sp.exp(_exponent(powers), evaluate=False))
 
 
-def _bounded_logarithm(expression: Any) -> Any:
+def _bounded_logarithm(expression: Any, known: dict[Any, Written]) -> Any:
     """log of a sum of exponentials, such as log(1 + exp(u)) = max(u, 0) + log(e1 + e2); itself of anything else."""
     (inside,) = expression.args
     if is_shared(inside) or not (inside.is_Add and _waves(inside)):
         return expression
-    value, powers = _written(inside, {})
+    value, powers = _written(inside, known)
     return sp.log(value) + _exponent(powers) if powers else expression
 
 
@@ -106,34 +110,36 @@ def _size(u: Any) -> Any:
     return size(-u if u.could_extract_minus_sign() else u)
 
 
-def _written(e: Any, known: dict[Any, _Written]) -> _Written:
+def _written(e: Any, known: dict[Any, Written]) -> Written:
     if e not in known:
         known[e] = _fresh(e, known)
     return known[e]
 
 
-def _fresh(e: Any, known: dict[Any, _Written]) -> _Written:
+def _fresh(e: Any, known: dict[Any, Written]) -> Written:
     if _is_wave(e):
         return _wave(e)
-    if not (e.is_Add or e.is_Mul or (e.is_Pow and e.exp.is_Integer)) or not _waves(e):
-        return _Written(e, {})
+    if not (e.is_Add or e.is_Mul or (e.is_Pow and e.exp.is_Integer)):
+        return Written(e, {})
     parts = [_written(part, known) for part in (e.args[:1] if e.is_Pow else e.args)]
+    if not any(part.powers for part in parts):
+        return Written(e, {})
     if e.is_Pow:
         powers = {u: int(e.exp) * n for u, n in parts[0].powers.items()}
-        return _Written(sp.Pow(parts[0].value, e.exp, evaluate=False), powers)
+        return Written(sp.Pow(parts[0].value, e.exp, evaluate=False), powers)
     exponents = {u: None for part in parts for u in part.powers}
     if e.is_Mul:
         powers = {u: sum(part.powers.get(u, 0) for part in parts) for u in exponents}
-        return _Written(times(*(part.value for part in parts)), powers)
+        return Written(times(*(part.value for part in parts)), powers)
     most = {u: reduce(max, (part.powers.get(u, 0) for part in parts)) for u in exponents}
     terms = [
         times(part.value, *(_below_one(-u, most[u] - part.powers.get(u, 0)) for u in exponents))
         for part in parts
     ]
-    return _Written(plus(terms), most)
+    return Written(plus(terms), most)
 
 
-def _wave(e: Any) -> _Written:
+def _wave(e: Any) -> Written:
     content, u = sp.expand(e.args[0]).as_content_primitive()
     if u.could_extract_minus_sign():
         content, u = -content, -u
@@ -144,7 +150,7 @@ def _wave(e: Any) -> _Written:
         up, down = (_below_one(v, 2 * abs(n)) for v in (root, -root))
         half = (up + down) / 2
         value = half if isinstance(e, sp.cosh) else half * sp.tanh(e.args[0])
-        return _Written(value, {root: abs(n), -root: abs(n)})
+        return Written(value, {root: abs(n), -root: abs(n)})
     if n > 0:
-        return _Written(_below_one(root, n), {root: n})
-    return _Written(_below_one(-root, -n), {-root: -n})
+        return Written(_below_one(root, n), {root: n})
+    return Written(_below_one(-root, -n), {-root: -n})

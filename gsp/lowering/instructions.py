@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from gsp.algebra.bounded_quotients import bounded
+from gsp.algebra.bounded_quotients import Written, bounded
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, parts
 from gsp.algebra.sharing import parts_of
 from gsp.kernels import jets
@@ -111,6 +111,7 @@ class _TapeWriter:
         self._states: Mapping[sp.Symbol, int] = {symbol: i for i, symbol in enumerate(states)}
         self._known: dict[tuple, int] = {}
         self._read: dict[sp.Expr, _Value] = {}
+        self._written: dict[sp.Basic, Written] = {}
         self._dependent: dict[sp.Basic, bool] = dict.fromkeys(states, True)
 
     def lift(self, value: _Value | sp.Expr | int) -> _Value:
@@ -174,7 +175,7 @@ class _TapeWriter:
             return _Value(self, self._states[e])
         if e.is_Add:
             return self._sum(e)
-        if (found := bounded(e)) is not e:
+        if (found := bounded(e, self._written)) is not e:
             return self.read(found)
         if e.is_Mul:
             return self._product(e)

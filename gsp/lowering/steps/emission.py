@@ -14,7 +14,7 @@ import sympy as sp
 from llvmlite import ir
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
-from gsp.algebra.bounded_quotients import bounded
+from gsp.algebra.bounded_quotients import Written, bounded
 from gsp.errors import GspError, UnsupportedFunctionError
 from gsp.lowering.instructions import landings
 from gsp.lowering.steps.arithmetic import intrinsic
@@ -63,6 +63,7 @@ class Emitter:
         self.used = width if used is None else used
         self._values: dict[sp.Basic, Any] = dict(values)
         self._constants = constants
+        self._written: dict[sp.Basic, Written] = {}
         self._angles: dict[sp.Basic, tuple[Any, Any]] = {}
         known = (*values, *(e for e in constants or () if isinstance(e, sp.Symbol)))
         self._symbols = ", ".join(map(str, known)) or "none"
@@ -113,7 +114,7 @@ class Emitter:
             return constant(nearest_double(expression))
         if isinstance(expression, sp.Add):
             return self._sum(expression)
-        if (found := bounded(expression)) is not expression:
+        if (found := bounded(expression, self._written)) is not expression:
             return self._value(found)
         if isinstance(expression, sp.Mul):
             return self._product(expression)
