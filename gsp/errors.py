@@ -210,6 +210,11 @@ class Status(Enum):
         "a fold of the critical manifold was reached",
         "the reduction ends here; integrate the full system across the fold",
     )
+    JUMP_REACHED = (
+        EndKind.ENDS,
+        "a jump of the critical manifold was reached",
+        "the reduction ends here; integrate the full system across the jump, and start behind it",
+    )
     HYPERBOLICITY_LOST = (
         EndKind.ENDS,
         "normal hyperbolicity is lost",

@@ -255,6 +255,7 @@ def size(expression: Expr) -> Expr:
 def replaced(expression: Expr, rule: Mapping[Expr, Expr]) -> Expr:
     """`expression` with what `rule` says in the place of its keys, each shared part once, however deep."""
     keys = frozenset(rule)
+    held = frozenset().union(*(key.free_symbols for key in keys))
     done: dict[Expr, Expr] = {}
     stack = [expression]
     while stack:
@@ -264,7 +265,7 @@ def replaced(expression: Expr, rule: Mapping[Expr, Expr]) -> Expr:
             continue
         if top in keys:
             done[top] = rule[top]
-        elif not top.args or keys.isdisjoint(top.free_symbols):
+        elif not top.args or held.isdisjoint(top.free_symbols):
             done[top] = top
         else:
             pending = [part for part in top.args if part not in done]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 
 from gsp.algebra.functions import NON_SMOOTH
-from gsp.algebra.sharing import is_shared, parts_of
+from gsp.algebra.sharing import is_shared, parts_of, replaced
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,22 @@ def switches(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> 
     return tuple(found.values())
 
 
+def on_side(expression: sp.Expr, surface: sp.Expr, side: int) -> sp.Expr:
+    """What the expression is where `surface`, one of its switching functions, has the sign `side`; kinks stay."""
+    known: dict[sp.Expr, Any] = {}
+    for atom in nodes([expression], (sp.sign, sp.Heaviside)):
+        for turned in (1, -1):
+            if atom.args[0] == turned * surface:
+                above = sp.Integer(side * turned)
+                known[atom] = above if isinstance(atom, sp.sign) else (1 + above) / 2
+    relations = set().union(*(_relations(atom) for atom in nodes([expression], (sp.Piecewise,))))
+    for relation in relations:
+        for turned in (1, -1):
+            if relation.lhs - relation.rhs == turned * surface:
+                known[relation] = relation.func(side * turned, 0)
+    return replaced(expression, known) if known else expression
+
+
 def nodes(expressions: Sequence[sp.Expr], kinds: tuple[type, ...]) -> list[sp.Expr]:
     """The different parts of the expressions that are of these kinds, each looked at once however often it is used."""
     found = [part for part in parts_of(*expressions) if isinstance(part, kinds)]
@@ -46,8 +63,11 @@ def _surfaces(atom: sp.Expr) -> list[sp.Expr]:
         arguments = atom.args
         return [a - b for i, a in enumerate(arguments) for b in arguments[:i]]
     if isinstance(atom, sp.Piecewise):
-        relations = set().union(*(condition.atoms(sp.core.relational.Relational) for _, condition in atom.args))
-        return [r.lhs - r.rhs for r in sorted(relations, key=sp.default_sort_key)]
+        return [r.lhs - r.rhs for r in sorted(_relations(atom), key=sp.default_sort_key)]
     if isinstance(atom, (sp.floor, sp.ceiling)):
         return [sp.sin(sp.pi * atom.args[0])]
     return [atom.args[0]]
+
+
+def _relations(atom: sp.Piecewise) -> set[sp.Expr]:
+    return set().union(*(condition.atoms(sp.core.relational.Relational) for _, condition in atom.args))

@@ -54,6 +54,7 @@ _WORST_FIRST = (
     Status.HYPERBOLICITY_LOST,
     Status.SERIES_ENDS,
     Status.FOLD_REACHED,
+    Status.JUMP_REACHED,
     Status.INTERRUPTED,
     Status.SUCCESS,
 )

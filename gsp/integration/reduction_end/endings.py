@@ -21,6 +21,7 @@ from gsp.integration.loop import standing
 from gsp.integration.methods import Method
 from gsp.integration.pieces import RunPiece
 from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.reduction_end.jumps import just_before, leaps, sides_at_start
 from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, DeterminantZero, loss_ahead
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
 from gsp.integration.run_array import Record, RunRecord
@@ -84,6 +85,14 @@ class Ending:
             for i in self._columns
         ]
         self.signs = np.ones(len(self._columns))
+        surfaces = len(self.validity.surfaces)
+        if surfaces:
+            # The first that leads nowhere else, as where a jump has no height, is not the last.
+            self.watched[-surfaces:] = [Watched("jump", 0, 1, self._jump)] * surfaces
+            z = self.validity.point(y, stepper.p)
+            self.signs[-surfaces:] = self._orientation[-surfaces:] * sides_at_start(
+                self.validity, z, row[-surfaces:], stepper
+            )
 
     def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
         """The test functions (m, w), positive where the reduction holds; -inf where M0 has no point."""
@@ -256,6 +265,16 @@ class Ending:
         if len(sizes) == len(APPROACH) and sizes[1] <= 3.0 * sizes[0]:
             return None
         return self._beyond_domain(settled)
+
+    def _jump(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
+        settled = search.refined(column, t, piece)
+        k = column - len(search.watched) + len(self.validity.surfaces)
+        if not leaps(self.validity, self.validity.point(settled.y, self.stepper.p), self.stepper)[k, 2]:
+            return None
+        settled = just_before(search, column, settled, piece)
+        place = f"{self.validity.surfaces[k]} = 0, at {self._shown(settled.y)}"
+        note = f"the critical manifold jumps where {place}; the fast variables leave it there"
+        return replace(settled, status=Status.JUMP_REACHED, note=note, remedy=ACROSS)
 
     def _beyond_domain(self, settled: Settled) -> Settled:
         # A pole of the fast field, or the border of the functions that M0 is made of.

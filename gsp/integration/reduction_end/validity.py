@@ -30,6 +30,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.algebra.sharing import largest, plus, times
+from gsp.algebra.switching_functions import on_side, switches
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical import spectrum
 from gsp.integration.reduction_end.fast_blocks import FastBlocks
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 MOST_OPERATIONS, MOST_DEGREES = 200, 12
 # Adjugates of more fast variables that depend on one another are not written out.
 LARGEST_BLOCK = 8
-# The first outputs of `Validity.tests`; the borders follow.
+# The first outputs of `Validity.tests`; the borders follow, then the surfaces on which M0 jumps.
 TESTS = ("det g_y", "pair", "series", "rounding of det g_y", "size of pair")
 
 
@@ -98,6 +99,13 @@ class Validity(Portable):
         self.g_y = [_slopes(e, self.fast) for e in g]
         self.g_x = [_slopes(e, self.slow) for e in g]
         self._fall = sp.Dummy("fall")
+        # Where M0 jumps, slow coordinates are carried on. Fast ones do not tell where the jump leads.
+        carries = all(s in system.x for s in flow.manifold.coordinates)
+        sides = {
+            switch.surface: [[on_side(e, switch.surface, side) for e in g] for side in (-1, 0, 1)]
+            for switch in (() if carries else switches(g, self.states))
+        }
+        self._sides = {surface: of for surface, of in sides.items() if of[0] != of[2]}
         # Where it is not constant.
         numbers = {z: k for k, z in enumerate(self.states)}
         self.second = {
@@ -131,13 +139,23 @@ class Validity(Portable):
         return tuple(found)
 
     @property
+    def surfaces(self) -> tuple[sp.Expr, ...]:
+        """What vanishes where g jumps, if M0 has fast coordinates, which a jump would have to move."""
+        return tuple(self._sides)
+
+    @cached_property
+    def beside(self) -> CompiledFunction:
+        """At (x, y) for each of the `surfaces` what g is where that is below, at and above 0."""
+        return self._over(self.states, [e for of in self._sides.values() for g in of for e in g])
+
+    @property
     def watches_terms(self) -> bool:
         """Whether the series has two terms to compare."""
         return self.order > 1
 
     @cached_property
     def tests(self) -> CompiledFunction:
-        """Delta, H and Q; what relative changes of (x, y) make of Delta; H's size; the borders.
+        """Delta, H and Q; what relative changes of (x, y) make of Delta; H's size; the borders; the surfaces.
 
         At (x, y) and the terms' fall.
         """
@@ -148,7 +166,7 @@ class Validity(Portable):
         parts = self._parts
         q = self._series_test(relative=False)
         rounding, pair_size = parts.rounding(self.states), parts.pair_size()
-        return [parts.determinant, parts.hurwitz, q, rounding, pair_size, *self.borders]
+        return [parts.determinant, parts.hurwitz, q, rounding, pair_size, *self.borders, *self.surfaces]
 
     def _series_test(self, *, relative: bool) -> sp.Expr:
         """Q, or with `relative` Q by |Delta|^3; at orders above 1 what the fall of the terms says, if that is more."""
@@ -170,7 +188,7 @@ class Validity(Portable):
     @cached_property
     def _columns(self) -> tuple[int, ...]:
         first = [0, *[1] * self.watches_pairs, *[2] * (self.order > 0)]
-        return *first, *range(len(TESTS), len(TESTS) + len(self.borders))
+        return *first, *range(len(TESTS), len(TESTS) + len(self.borders) + len(self.surfaces))
 
     @cached_property
     def varying(self) -> tuple[int, ...]:
