@@ -271,7 +271,7 @@ class Ending:
         k = column - len(search.watched) + len(self.validity.surfaces)
         if not leaps(self.validity, self.validity.point(settled.y, self.stepper.p), self.stepper)[k, 2]:
             return None
-        settled = just_before(search, column, settled, piece)
+        settled = just_before(search, column, settled, piece, self.stops)
         place = f"{self.validity.surfaces[k]} = 0, at {self._shown(settled.y)}"
         note = f"the critical manifold jumps where {place}; the fast variables leave it there"
         return replace(settled, status=Status.JUMP_REACHED, note=note, remedy=ACROSS)

@@ -7,6 +7,8 @@ would keep these, and with them it is the slow variables that jump, or the run t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gsp.errors import HyperbolicityError
@@ -47,20 +49,29 @@ def sides_at_start(validity: Validity, z: np.ndarray, values: np.ndarray, steppe
     return sides
 
 
-def just_before(search: Search, column: int, settled: Settled, piece: RunPiece) -> Settled:
-    """The end of the run on the side from which it comes, where it has the states that the jump has not moved."""
+def just_before(search: Search, column: int, settled: Settled, piece: RunPiece, stops: np.ndarray) -> Settled:
+    """The end of the run on the side from which it comes, where it has the states that the jump has not moved.
+
+    Where it has hardly moved since one of its `stops` (s,) it ends there, as before a switch of a clock: at any order.
+    """
     forward = 1.0 if piece.times[-1] > piece.times[0] else -1.0
     signs = np.sign(search.values(piece.times, piece.states)[:, column])
     k = piece.step(settled.t)
     side = -signs[k + 1] or signs[k]
-    back = float(np.spacing(abs(settled.t)))
+    before = np.flatnonzero(signs[: k + 1] == side)
+    if not before.size:
+        return Settled(float(piece.times[0]), piece.states[0], None, row=search.rows)
+    k = int(before[-1])
+    stepper, stopped = search.stepper, before[np.isin(piece.times[before], stops)]
+    for j in map(int, stopped[-1:]):
+        y = piece.states[j]
+        if (np.abs(settled.y - y) <= stepper.atol + stepper.rtol * np.abs(y)).all():
+            return Settled(float(piece.times[j]), y, None, row=search.rows + j)
+    start, y, back = float(piece.times[k]), piece.states[k], float(np.spacing(abs(settled.t)))
     while np.sign(search.values(np.array([settled.t]), settled.y[np.newaxis])[0, column]) != side:
         t = settled.t - forward * back
-        while k > 0 and (t - piece.times[k]) * forward <= 0.0:
-            k -= 1
-        start, y, back = float(piece.times[k]), piece.states[k], 2.0 * back
         if (t - start) * forward <= 0.0:
             return Settled(start, y, None, row=search.rows + k)
-        record = search.run(start, y, t)
-        settled = Settled(float(record.times[-1]), record.states[-1], record, row=search.rows + k)
-    return settled
+        record, back = search.run(start, y, t), 2.0 * back
+        settled = Settled(float(record.times[-1]), record.states[-1], record)
+    return replace(settled, row=search.rows + k)
