@@ -119,3 +119,18 @@ def test_the_end_does_not_depend_on_the_unit_of_the_slow_variable(unit) -> None:
     found = gsp.integrate(flow_of(CUBIC + ON, unit), start=start, span=(0.0, 2.0), epsilon=1e-3, rtol=1e-9)
     assert found.status is Status.JUMP_REACHED
     assert found["x"][-1] == pytest.approx(start["x"] * np.exp(-1.0), rel=1e-6)
+
+
+def test_steps_end_on_a_pulse_of_a_clock_where_the_states_are_not_the_slow_variables() -> None:
+    """x' = -x + a pulse of area 1/10 at t = 3/2, on x = y + y^3."""
+    width = sp.Rational(1, 10**5)
+    pulse = sp.exp(-(((clock - sp.Rational(3, 2)) / width) ** 2)) / (10 * width * sp.sqrt(sp.pi))
+    system = gsp.SlowFastSystem(slow={x: -x + pulse, clock: sp.Integer(1)}, fast={y: CUBIC}, epsilon=eps)
+    near = {"x": 0.5, "clock": 0.0, "y": 0.4}
+    flow = gsp.restrict(gsp.expand(gsp.solve_critical(system).branches[0].through(near), order=0))
+    end = 0.5 * np.exp(-3.0) + 0.1 * np.exp(-1.5)
+    asked = {"span": (0.0, 3.0), "epsilon": 1e-3, "rtol": 1e-8}
+    for start in (START, near):
+        assert gsp.integrate(flow, start=start, **asked)["x"][-1] == pytest.approx(end, rel=1e-4)
+    many = gsp.integrate_many(flow, {"x": [0.5], "clock": [0.0]}, **asked)
+    assert many["x"][0, -1] == pytest.approx(end, rel=1e-4)
