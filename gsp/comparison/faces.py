@@ -12,6 +12,7 @@ from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.method_table import MethodTable
 from gsp.comparison.survey import EXPLICIT, Claim, demands_of, reduced_name
 from gsp.comparison.work_precision import WorkPrecision
+from gsp.errors import Status
 from gsp.results.point_verbs import Labels, Record, records
 from gsp.results.registry import Makers, charts, tables
 from gsp.results.table import Column, Table, numbers, texts
@@ -162,10 +163,16 @@ def _claimed(name: str, dimensions: tuple[str, ...], claims: Mapping[str, Claim]
 
 
 def _each_order(study: Study, *, orders: tuple[int, ...] = (0, 1, 2, 3), **_: object) -> Labels:
-    return {"error": {"order": check_orders(orders)}}
+    over = {"order": check_orders(orders)}
+    return {"error": over, "ending": over}
 
 
-@records("compare", labels=_each_order)
+# How an order's runs ended, or that the exact algebra did not come to it.
+NOT_REACHED = "ORDER_NOT_REACHED"
+ENDINGS = (*(status.name for status in Status), NOT_REACHED)
+
+
+@records("compare", labels=_each_order, codes={"ending": ENDINGS})
 def _record_of_compare(
     study: Study,
     epsilon: float,
@@ -176,8 +183,10 @@ def _record_of_compare(
 ) -> Record:
     found = compare(study, orders=orders, epsilons=(epsilon,), correction=correction)
     # An order that the exact algebra does not reach has no error.
-    errors = [found.errors[n][0] if n in found.errors else math.nan for n in check_orders(orders)]
-    return {"error": errors, "floor": found.floor[0]}
+    each = check_orders(orders)
+    errors = [found.errors[n][0] if n in found.errors else math.nan for n in each]
+    endings = [found.statuses[n][0] if n in found.statuses else NOT_REACHED for n in each]
+    return {"error": errors, "floor": found.floor[0], "ending": endings}
 
 
 def _each_method(study: Study, *, orders: tuple[int, ...] = (0, 1, 2, 3), **_: object) -> Labels:

@@ -111,13 +111,11 @@ def variables_of(
             raise DeclarationError(
                 "a task names what it records with plain words.", got=f"{shown(name)} from {task}", value=name
             )
-        if name in codes:
-            found[name] = Variable(name, meanings=codes[name])
-            continue
         axes = labels.get(name)
         if axes is None:
-            axes = {f"{name}_{k}": tuple(range(n)) for k, n in enumerate(as_numbers(name, value).shape)}
-        found[name] = Variable(name, axes)
+            shape = () if name in codes else as_numbers(name, value).shape
+            axes = {f"{name}_{k}": tuple(range(n)) for k, n in enumerate(shape)}
+        found[name] = Variable(name, axes, codes.get(name, ()))
     return found
 
 
@@ -129,8 +127,10 @@ def as_numbers(name: str, value: object) -> np.ndarray:
         raise DeclarationError("a task records numbers.", f"It gave {shown(value)} for {name}.") from None
 
 
-def meaning_of(value: object, variable: Variable) -> str:
-    """The word that a code stands for: an enumeration's name or its text, whichever the variable has."""
+def meaning_of(value: object, variable: Variable) -> Any:
+    """The word that a code stands for, an enumeration's name or its text, whichever the variable has; of many, each."""
+    if isinstance(value, (list, tuple)):
+        return [meaning_of(one, variable) for one in value]
     return value.name if isinstance(value, Enum) and value.name in variable.meanings else str(value)
 
 
@@ -144,8 +144,11 @@ def encoded(record: Record, variable: Variable) -> np.ndarray:
         raise DeclarationError(f"the task recorded no {name} here, as it did at the first point.")
     value = record[name]
     if variable.meanings:
-        return np.array(variable.meanings.index(meaning_of(value, variable)), dtype=np.int8)
-    numbers = as_numbers(name, value)
+        words = np.array(meaning_of(value, variable), dtype=object)
+        codes = [variable.meanings.index(word) for word in words.ravel()]
+        numbers = np.array(codes, dtype=np.int8).reshape(words.shape)
+    else:
+        numbers = as_numbers(name, value)
     if numbers.shape != variable.shape:
         raise DeclarationError(
             "a task records the same shape at every point.",

@@ -216,7 +216,7 @@ def _looked_up(
     if blocks[STATUS][inside] != COMPUTED:
         return None
     return {
-        v.recorded: v.meanings[int(blocks[name][inside])] if v.meanings else blocks[name][inside]
+        v.recorded: np.take(v.meanings, blocks[name][inside]).tolist() if v.meanings else blocks[name][inside]
         for name, v in plan.variables.items()
     }
 

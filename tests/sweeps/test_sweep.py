@@ -83,6 +83,24 @@ def test_a_task_that_needs_a_small_parameter_says_so(tmp_path: Path, task: str) 
     assert found.final.values[:, 0] == pytest.approx(np.exp([-1, -2]), rel=1e-5)
 
 
+def test_an_error_that_is_none_has_its_cause(tmp_path: Path) -> None:
+    """Past the fold no reduced run reaches the end; what is recorded comes back with a changed plan too."""
+    scene = models.load("van_der_pol")
+    ask = {"model": scene, "into": tmp_path, "options": {"orders": [0, 1]}, "workers": 1}
+    y = float(scene.start["y"])
+    for starts in ((y,), (y, -0.5)):
+        data = sweep("compare", over={"y": starts, "epsilon": (0.01,)}, **ask).to_xarray()
+    words = data.ending.attrs["flag_meanings"].split()
+    assert data.ending.dims == ("y", "epsilon", "order")
+    endings = [[words[code] for code in row] for row in data.ending.values[:, 0]]
+    assert endings == [["SUCCESS", "SUCCESS"], ["FOLD_REACHED", "FOLD_REACHED"]]
+    assert np.isnan(data.error.values[:, 0]).tolist() == [[False, False], [True, True]]
+    fresh = sweep(
+        "compare", over={"y": starts, "epsilon": (0.01,)}, **{**ask, "into": tmp_path.with_name("fresh")}
+    )
+    assert fresh.to_xarray().identical(data)
+
+
 def test_a_point_that_fails_is_data(tmp_path: Path) -> None:
     found = waves(tmp_path, over={"x": (-1.0, 4.0, -9.0), "k": (1.0,)})
     data = found.to_xarray()
