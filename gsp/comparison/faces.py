@@ -44,7 +44,10 @@ def _table_of_comparison(found: Comparison) -> Table:
         errors = np.array([found.claims[name] for name in claims])
         variables["claim_error"] = Column(("claim", "epsilon"), errors)
         variables["claim_slope"] = Column(("claim",), np.array([found.claim_slopes[name] for name in claims]))
-    attributes = {"scene": found.scene.name, "correction": found.correction, "ending": found.ending}
+    attributes = {
+        "scene": found.scene.name, "correction": found.correction, "ending": found.ending, "begins": found.begins,
+        "crossed": ", ".join(found.crossed),
+    }  # fmt: skip
     return Table("Comparison", coordinates, variables, attributes, both)
 
 

@@ -103,6 +103,7 @@ def test_no_power_is_expected_of_corrections_past_a_switch(f: sp.Expr, g: sp.Exp
     assert found.expected == {0: 1, 2: None}
     assert found.slopes == pytest.approx(powers, abs=0.1)
     assert "the run crosses x - 7/10 = 0" in str(found)
+    assert found.as_json()["attributes"]["crossed"] == "x - 7/10"
     short = compare(replace(scene, span=(0, 1)), orders=(0, 2))
     assert short.expected == {0: 1, 2: 3}
     assert short.crossed == ()
@@ -252,6 +253,7 @@ def test_a_start_at_rest_is_compared_over_its_base_point() -> None:
     scene = Scene(system, region, {"T": 1, "ill": 0, "V": 1}, (0, 3), 0.02)
     found = compare(scene, orders=(0, 1))
     assert "over the base point of the scene's start" in str(found)
+    assert found.as_json()["attributes"]["begins"] == found.begins
     assert found.slopes[0] == pytest.approx(1, abs=0.1)
     assert found.slopes[1] == pytest.approx(2, abs=0.15)
     moving = replace(scene, start={"T": 1, "ill": 0.1, "V": 1})
