@@ -209,11 +209,16 @@ def run_on(
 
 def surfaces_crossed(flow: Flow, run: Trajectory, epsilon: float) -> list[str]:
     """The switching functions of the rates that change their signs along the run."""
+    return surfaces_between(flow, run.y.T, epsilon) if run.status.ok else []
+
+
+def surfaces_between(flow: Flow, states: np.ndarray, epsilon: float) -> list[str]:
+    """The switching functions of the rates that have both signs at `states` (m, n)."""
     found = switches(flow.rates, flow.states)
-    if not found or not run.status.ok:
+    if not found:
         return []
     function = compile_over(flow, tuple(switch.surface for switch in found))
-    signs = np.sign(function(run.y.T, parameter_vector(flow, None if flow.epsilon is None else epsilon)))
+    signs = np.sign(function(states, parameter_vector(flow, None if flow.epsilon is None else epsilon)))
     crossed = (signs.min(axis=0) < 0.0) & (signs.max(axis=0) > 0.0)
     return [str(switch.surface) for switch, is_crossed in zip(found, crossed) if is_crossed]
 

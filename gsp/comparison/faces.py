@@ -105,6 +105,7 @@ def _table_of_method_table(found: MethodTable) -> Table:
         "endings": "; ".join(
             f"{name} at {found.scene.system.epsilon} = {e:g}: {how}" for (name, e), how in found.endings.items()
         ),
+        "crossed": ", ".join(found.crossed),
     }
     return Table("MethodTable", coordinates, variables, attributes, ("method", "epsilon"))
 

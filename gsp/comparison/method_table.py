@@ -22,6 +22,7 @@ from gsp.comparison.classical_methods import (
     ildm,
     quasi_steady_state,
 )
+from gsp.comparison.compared_runs import surfaces_between
 from gsp.comparison.comparison import slope
 from gsp.comparison.references import reference_at
 from gsp.critical.branch import Branch
@@ -77,7 +78,9 @@ class MethodTable(Drawn, Tabular):
     """`rows` of methods over `epsilons` at `points` (m, n_slow); `floor[i]` is the reference's own error.
 
     `references[i]` says what the reference was at `epsilons[i]`, and `disagreement[i]` how far the zero-derivative
-    principle at its best order is from it: much more than its floor where that principle has reached its limit.
+    principle at its best order is from it: much more than its floor where that principle has reached its limit, or
+    where a kink is near. Of points on both sides of surfaces where the field is not smooth, `crossed`, no theorem
+    expects more than order 1.
     `omitted` says of methods that are left out why: too many slow variables for them, or too long a series; `endings`,
     by method and epsilon, how those ended that solve over the whole box and fell short of their tolerance.
     """
@@ -91,6 +94,7 @@ class MethodTable(Drawn, Tabular):
     disagreement: tuple[float, ...]
     omitted: Mapping[str, str] = field(default_factory=dict)
     endings: Mapping[tuple[str, float], str] = field(default_factory=dict)
+    crossed: tuple[str, ...] = ()
 
     def __getitem__(self, label: str) -> MethodRow:
         for row in self.rows:
@@ -122,6 +126,11 @@ class MethodTable(Drawn, Tabular):
         lines.append(f"  reference: {kinds}")
         for name, values in (("its error", self.floor), ("second route", self.disagreement)):
             lines.append(f"  {name:<{len(indent) - 2}}" + "  ".join(f"{value:8.1e}" for value in values))
+        if self.crossed:
+            places = ", ".join(f"{surface} = 0" for surface in self.crossed)
+            lines.append(
+                f"  no order above 1 is expected: points lie on both sides of {places}, where the field is not smooth"
+            )
         lines += [f"  omitted: {name}: {reason}" for name, reason in self.omitted.items()]
         lines += [
             f"  {name} at {self.scene.system.epsilon} = {e:g}: {ending}"
@@ -171,6 +180,7 @@ def method_table(
     solved = {e: _solved(branch, x, e) for e in ladder} if gridded else {}
     iterated = {e: _iterated(branch, x, e, chosen["iterates"]) for e in ladder} if gridded else {}
     references = [reference_at(branch, x, e) for e in ladder]
+    crossed = surfaces_between(branch.system, np.hstack([x, branch.points(x)]), ladder[-1])
     floor = tuple(reference.error for reference in references)
     rows = []
     for method in _methods(study, solved, iterated, floor, **chosen):
@@ -189,7 +199,7 @@ def method_table(
                 fitted=float("nan")
                 if method.expected is None
                 else slope(ladder, errors, method.floor or floor),
-                expected=method.expected,
+                expected=None if crossed and method.expected != 1 else method.expected,
                 microseconds=cost,
                 evaluations=evaluations,
                 preparation=preparation,
@@ -205,6 +215,7 @@ def method_table(
         tuple(reference.second_route for reference in references),
         MappingProxyType(_omitted(study, gridded, chosen["orders"])),
         MappingProxyType(_endings(solved, iterated)),
+        tuple(crossed),
     )
 
 

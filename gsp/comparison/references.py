@@ -32,7 +32,9 @@ def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
     """The slow manifold over the points `x` (m, n_slow), as exactly as it can be had.
 
     Orbit segments of the full flow through the points themselves, so that no surface has to be resolved between them;
-    the zero-derivative principle where its estimated error is the smaller one at the worst point. Raises
+    the zero-derivative principle where its estimated error is the smaller one at the worst point. That knows the field
+    at the point alone: where it is further from the segments than the errors of both, as beside a kink, it is no
+    reference. Raises
     `DeclarationError` when neither gives values.
     """
     pointwise = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15)
@@ -53,14 +55,15 @@ def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
     principle = _Route(
         "zero-derivative principle", pointwise.y, float(np.max(pointwise.error)) if settled else np.inf
     )
-    best = min(along, principle, key=lambda route: route.error)
+    apart = float(np.abs(along.y - principle.y).max())
+    is_local = apart > along.error + principle.error
+    best = along if is_local else min(along, principle, key=lambda route: route.error)
     if not best.error < np.inf:
         raise DeclarationError(
             f"there is no reference at {branch.system.epsilon} = {epsilon:g}: {why}; {pointwise.message}.",
             "Move the points, shrink the region or take smaller epsilons.",
         )
     rounding = 4 * float(np.finfo(float).eps) * float((y_units + np.abs(best.y)).max())
-    apart = float(np.abs(along.y - principle.y).max())
     return Reference(best.y, max(best.error, rounding), best.name, apart)
 
 

@@ -13,12 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsp.algebra.switching_functions import switches
 from gsp.collocation.bordered import FlowEquations, OrbitChange, linearise
 from gsp.collocation.gauss import gauss
 from gsp.critical.branch import Branch
 from gsp.errors import Status, UnsupportedFunctionError
 from gsp.kernels.slow_points import CONVERGED
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.compiled_function import compile_over
 from gsp.lowering.tape import Tape, write_tape
 from gsp.slow.segment_problem import Held, Point, SegmentProblem, step_length
 from gsp.slow.slow_points import climb
@@ -82,6 +84,8 @@ class SegmentSolver:
         except UnsupportedFunctionError:
             # Max, Piecewise and the like have no jets; segments do not need them, only good guesses do.
             self.tape = None
+        found = switches(self.system.rates, self.system.states)
+        self.surfaces = compile_over(self.system, tuple(each.surface for each in found)) if found else None
         self.equations = FlowEquations(self.flow.field, self.flow.jacobian, 0, 0)
         # From the polynomial through an element's start and stages to both its halves.
         self.halving = SCHEME.basis(np.concatenate([SCHEME.c / 2, [0.5], (1 + SCHEME.c) / 2]))
@@ -194,11 +198,12 @@ class SegmentSolver:
 
     def _refine(self, problem: SegmentProblem, solution: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Halve the elements until the solution stands still; returns the estimated error left (k,)."""
-        error = np.full(len(solution), np.inf)
+        error, before = np.full(len(solution), np.inf), np.zeros(len(solution))
         part, nx = problem, len(self.system.x)
         taken = np.arange(len(problem.x))
         # Elements are halved until the change this makes, over 2^STAGES (the order of a stiff limit), is below
-        # SHARE of the tolerance, but not more often than this.
+        # SHARE of the tolerance, but not more often than this. Across a kink there is no such order, and what an
+        # element is off by depends on where in it the kink is: one change may be small by chance, hardly two.
         for _ in range(3):
             if not rows.size:
                 break
@@ -214,9 +219,23 @@ class SegmentSolver:
                 part.response[better],
                 part.moved[better],
             )
-            error[rows] = np.where(better, change / 2.0**STAGES, np.minimum(error[rows], change))
+            across = np.maximum(change, before[rows])
+            left = np.where(self._is_kinked(part), across, change / 2.0**STAGES)
+            before[rows] = change
+            error[rows] = np.where(better, left, np.minimum(error[rows], change))
             rows = rows[better & (error[rows] > SHARE * self.tolerance * (1.0 + np.linalg.norm(y, axis=1)))]
         return error
+
+    def _is_kinked(self, problem: SegmentProblem) -> np.ndarray:
+        """Which segments (k,) cross a surface on which the field is not smooth."""
+        if self.surfaces is None:
+            return np.zeros(len(problem.x), dtype=bool)
+        z = problem.z
+        used = (np.arange(z.shape[1]) <= problem.counts[:, None])[:, :, None]
+        p = parameter_vector(self.system, self.epsilon)
+        values = self.surfaces(z.reshape(-1, z.shape[2]), p).reshape(*z.shape[:2], -1)
+        both = ((values > 0.0) & used).any(axis=1) & ((values < 0.0) & used).any(axis=1)
+        return both.any(axis=1)
 
     def _stages(self, lengths: np.ndarray, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Cubic Hermite guesses (k, m, s, n) inside the elements."""

@@ -433,3 +433,34 @@ def test_methods_have_their_orders_in_any_unit() -> None:
         assert max(table.floor) < 1e-13 * size
         fitted.append([row.fitted for row in table.rows if row.expected])
     assert fitted[1] == pytest.approx(fitted[0], abs=0.02)
+
+
+def kinked() -> Branch:
+    """x' = -1, epsilon y' = |x| - y: y = x + epsilon, and from the kink on -x - epsilon + 2 epsilon exp(x/epsilon)."""
+    return solve_critical(SlowFastSystem({x: -1}, {y: sp.Abs(x) - y}, epsilon=epsilon)).branches[0]
+
+
+@pytest.mark.parametrize("e", [0.1, 0.05])
+def test_beside_a_kink_the_reference_is_the_manifold_and_not_what_the_field_at_the_point_says(e: float) -> None:
+    points = np.array([-0.5, -0.1, -0.03, 0.04, 0.3])
+    exact = np.where(points > 0, points + e, -points - e + 2 * e * np.exp(np.minimum(points, 0) / e))
+    found = reference_at(kinked(), points[:, None], e)
+    assert np.abs(found.y[:, 0] - exact).max() <= found.error < 0.1 * found.second_route
+    assert found.second_route == pytest.approx(2 * e * np.exp(-0.03 / e), rel=1e-3)
+
+
+def test_across_a_kink_no_order_above_the_first_is_expected() -> None:
+    scene = Scene(
+        kinked().system, region={"x": (-1, 1)}, start={"x": 1, "y": 1}, span=(0, 2), epsilon=0.05,
+        epsilons=(0.1, 0.05), tolerance=0.01,
+    )  # fmt: skip
+    options = {"refinements": (0, 1), "iterates": (), "orders": (0, 2)}
+    across = method_table(scene, points=np.array([[-0.03], [0.5]]), **options)
+    assert across.crossed == ("x",)
+    assert {row.expected for row in across.rows} == {1, None}
+    assert "no order above 1 is expected: points lie on both sides of x = 0" in str(across)
+    # The order is measured all the same.
+    assert across["series 2"].fitted < 1.5
+    beside = method_table(scene, points=np.array([[0.2], [0.5]]), **options)
+    assert not beside.crossed
+    assert beside["series 2"].expected == 3
