@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from gsp.algebra.differentiation import bounded_product
-from gsp.algebra.sharing import is_shared, plus, size, times
+from gsp.algebra.sharing import is_shared, plus, times
 
 _WAVES = (sp.exp, sp.cosh, sp.sinh)
 _Powers = dict[Any, int]
@@ -58,8 +58,7 @@ def _bounded_quotient(expression: Any, known: dict[Any, Written]) -> Any:
         return expression
     below = [f.base for f in expression.args if f.is_Pow and f.exp.is_Integer and f.exp.is_negative]
     above = [f.base if f.is_Pow else f for f in expression.args]
-    sums = [f for f in above if f.is_Add and f not in below]
-    if not all(any(_written(f, known).powers for f in part) for part in (below, sums)):
+    if not (any(map(_waves, below)) and any(f.is_Add and f not in below and _waves(f) for f in above)):
         return expression
     value, powers = _written(expression, known)
     if not powers:
@@ -79,7 +78,7 @@ def _bounded_logarithm(expression: Any, known: dict[Any, Written]) -> Any:
 
 def _exponent(powers: _Powers) -> Any:
     """The logarithm of e1^-c e2^-d, in one sum: what falls makes up for what grows."""
-    return sp.Add(*(power * (u + _size(u)) / 2 for u, power in powers.items()))
+    return sp.Add(*(_part(u, 1, power) for u, power in powers.items()))
 
 
 def _waves(expression: Any) -> bool:
@@ -87,27 +86,25 @@ def _waves(expression: Any) -> bool:
 
 
 def _is_wave(e: Any) -> bool:
-    # |u| is what exponents have in what is written here.
-    return isinstance(e, _WAVES) and bool(e.free_symbols) and not e.has(sp.Abs)
+    # The sign of u is what exponents have in what is written here.
+    return isinstance(e, _WAVES) and bool(e.free_symbols) and not e.has(sp.sign)
 
 
 def _below_one(u: Any, power: int) -> Any:
-    """exp(min(u, 0)) to a power; of a double u the difference of u and |u| is exact.
+    """exp(min(u, 0)) to a power.
 
-    The power of an exponential would be off by as many times its rounding. SymPy's rules have nothing to find here, and
-    take ten times as long as all else.
+    The power of an exponential would be off by as many times its rounding.
     """
-    if not power:
-        return sp.S.One
-    twice = sp.Add(u, -_size(u))
-    # Where a product holds a sum and 1 alone, SymPy's `cse` takes the terms of the sum for factors.
-    exponent = twice if power == 2 else sp.Mul(sp.Rational(power, 2), twice, evaluate=False)
-    return sp.exp(exponent, evaluate=False)
+    return sp.exp(_part(u, -1, power), evaluate=False) if power else sp.S.One
 
 
-def _size(u: Any) -> Any:
-    """|u|, the same of -u."""
-    return size(-u if u.could_extract_minus_sign() else u)
+def _part(u: Any, side: int, power: int) -> Any:
+    """max(u, 0) for `side` 1, min(u, 0) for -1, times `power`.
+
+    A product, which is u or exactly 0: in a sum with |u| SymPy takes u apart, and log(1 + exp(u)) is below 0.
+    """
+    side_of_u = -sp.sign(-u) if u.could_extract_minus_sign() else sp.sign(u)
+    return sp.Mul(sp.Rational(power, 2), u, 1 + side * side_of_u)
 
 
 def _written(e: Any, known: dict[Any, Written]) -> Written:
@@ -120,9 +117,11 @@ def _fresh(e: Any, known: dict[Any, Written]) -> Written:
     if _is_wave(e):
         return _wave(e)
     if not (e.is_Add or e.is_Mul or (e.is_Pow and e.exp.is_Integer)):
-        return Written(e, {})
-    parts = [_written(part, known) for part in (e.args[:1] if e.is_Pow else e.args)]
-    if not any(part.powers for part in parts):
+        # Who walks what is made of it passes by its parts, which may be shared.
+        return Written(finite(e), {})
+    inner = e.args[:1] if e.is_Pow else e.args
+    parts = [_written(part, known) for part in inner]
+    if all(part == Written(own, {}) for own, part in zip(inner, parts)):
         return Written(e, {})
     if e.is_Pow:
         powers = {u: int(e.exp) * n for u, n in parts[0].powers.items()}

@@ -125,3 +125,26 @@ def test_quotients_of_exponentials_keep_their_digits_in_any_unit() -> None:
     flow = gsp.VectorField({x: part}, epsilon=None)
     run = gsp.integrate(flow, start={"x": at}, span=(0, 1e-12), epsilon=None, rtol=1e-12, atol=1e-22)
     assert run.stats.steps < 100
+
+
+@pytest.mark.parametrize("shift", [1, sp.Rational(1, 3), sp.Rational(-7, 9)])
+def test_a_logarithm_of_a_sum_above_one_is_never_below_zero(shift) -> None:
+    # Below zero by its rounding it has no root.
+    part = sp.log(1 + sp.exp(50 * (x - shift))) ** sp.Rational(3, 2)
+    at = np.linspace(-19.0, -10.0, 41)
+    assert (compile_function([part], arguments=[x])(at[:, None], [np.nan]) == 0).all()
+    steps, (result,) = Printer(PYTHON, {x: "x"}).steps([part], iter("abcdefghijk"))
+    names = {"np": np, "x": at}
+    exec("".join(f"{name} = {line}\n" for name, line in steps) + f"value = {result}", names)
+    assert (names["value"] == 0).all()
+
+
+@pytest.mark.parametrize("within", [sp.log(1 + sp.exp(U)), 1 / (1 + sp.log(2 + sp.exp(U)) ** 2)])
+def test_logarithms_within_quotients_of_sums_of_exponentials_are_bounded_in_texts(within) -> None:
+    part = (x + within) * sp.exp(U) / (1 + sp.exp(U))
+    steps, (result,) = Printer(PYTHON, {x: "x"}).steps([part], iter("abcdefghijklmnop"))
+    code = "".join(f"{name} = {line}\n" for name, line in steps) + f"value = {result}"
+    for at in PLACES:
+        names = {"np": np, "x": float(at)}
+        exec(code, names)
+        assert names["value"] == pytest.approx(float(sp.N(part.subs(x, at), 30, maxn=4000)), rel=1e-12)
