@@ -18,6 +18,7 @@ from gsp.exports.reduced_model import ReducedModel, inert
 SBML_WORDS = {"reduced", "time", "avogadro", "pi", "exponentiale", "true", "false", "notanumber", "infinity"}
 # Whole numbers of MathML are held in so many bits by its readers.
 _LARGEST_WHOLE = 2**31 - 1
+_SIGNS = ((-1, "lt"), (1, "gt"))
 _MATH = "http://www.w3.org/1998/Math/MathML"
 
 
@@ -49,10 +50,10 @@ class MathPrinter(Printer):
     _print_NumberSymbol = _print_Pi = _print_Exp1 = _print_Float
 
     def _print_Add(self, expr: Any, order: str | None = None) -> str:
-        return self._applied("plus", expr.as_ordered_terms())
+        return _applied("plus", *map(self.text, expr.as_ordered_terms()))
 
     def _print_Mul(self, expr: Any) -> str:
-        return self._applied("times", expr.as_ordered_factors())
+        return _applied("times", *map(self.text, expr.as_ordered_factors()))
 
     def _print_Pow(self, expr: Any, rational: bool = False) -> str:
         base, exponent = expr.args
@@ -61,13 +62,38 @@ class MathPrinter(Printer):
         if exponent.is_Rational and exponent.is_negative:
             turned = sp.Pow(base, -exponent, evaluate=False) if exponent != -1 else base
             return f'<apply><divide/><cn type="integer">1</cn>{self.text(turned)}</apply>'
-        return self._applied("power", expr.args)
+        return _applied("power", *map(self.text, expr.args))
+
+    def _print_sign(self, expr: Any) -> str:
+        u, zero = self.text(expr.args[0]), self.text(sp.S.Zero)
+        return _chosen([(self.text(sp.Integer(n)), _applied(o, u, zero)) for n, o in _SIGNS], u)
+
+    def _print_Max(self, expr: Any) -> str:
+        *first, last = map(self.text, expr.args)
+        above = "geq" if isinstance(expr, sp.Max) else "leq"
+        pieces = []
+        for i, one in enumerate(first):
+            behind = [_applied(above, one, other) for other in (*first[i + 1 :], last)]
+            pieces.append((one, _applied("and", *behind) if len(behind) > 1 else behind[0]))
+        return _chosen(pieces, last)
+
+    _print_Min = _print_Max
+
+    def _print_Heaviside(self, expr: Any) -> str:
+        return self.text((1 + sp.sign(expr.args[0])) / 2)
 
     def _call(self, name: str, argument: Any) -> str:
-        return f"<apply><{self._function(name, argument)}/>{self.text(argument)}</apply>"
+        return _applied(self._function(name, argument), self.text(argument))
 
-    def _applied(self, operator: str, arguments: Iterable[Any]) -> str:
-        return f"<apply><{operator}/>{''.join(map(self.text, arguments))}</apply>"
+
+def _applied(operator: str, *arguments: str) -> str:
+    return f"<apply><{operator}/>{''.join(arguments)}</apply>"
+
+
+def _chosen(pieces: Iterable[tuple[str, str]], otherwise: str) -> str:
+    """The first of the values whose condition holds."""
+    found = "".join(f"<piece>{value}{condition}</piece>" for value, condition in pieces)
+    return f"<piecewise>{found}<otherwise>{otherwise}</otherwise></piecewise>"
 
 
 def number(text: str) -> str:

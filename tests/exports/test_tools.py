@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
 from pathlib import Path
 from types import ModuleType
@@ -118,6 +119,12 @@ MEANING = {
     libsbml.AST_FUNCTION_ARCCOS: math.acos,
     libsbml.AST_FUNCTION_ARCTAN: math.atan,
     libsbml.AST_FUNCTION_ARCTANH: math.atanh,
+    libsbml.AST_RELATIONAL_LT: operator.lt,
+    libsbml.AST_RELATIONAL_GT: operator.gt,
+    libsbml.AST_RELATIONAL_LEQ: operator.le,
+    libsbml.AST_RELATIONAL_GEQ: operator.ge,
+    libsbml.AST_LOGICAL_AND: lambda *a: all(a),
+    libsbml.AST_FUNCTION_PIECEWISE: lambda *a: next((v for v, c in zip(a[::2], a[1::2]) if c), a[-1]),
 }
 
 
@@ -174,7 +181,7 @@ def test_sbml_starts_where_the_scene_does_and_names_every_quantity() -> None:
     assert not found["c"].getConstant()
 
 
-@pytest.mark.parametrize("kind", [kind for kind in HARD if kind not in ("extremes", "signs")])
+@pytest.mark.parametrize("kind", HARD)
 def test_every_kind_of_expression_keeps_its_value_in_sbml(kind: str) -> None:
     expression = HARD[kind]
     text = MathPrinter(SBML, {x: "x", y: "y", k: "k"}).text(expression)
@@ -201,11 +208,15 @@ def test_numbers_of_any_size_pass_through_sbml() -> None:
 
 
 def test_what_sbml_lacks_is_refused_by_name() -> None:
-    for expression in (sp.sign(x), sp.Max(x, y), sp.erf(x)):
-        with pytest.raises(
-            UnsupportedFunctionError, match=f"{type(expression).__name__} has no counterpart in SBML"
-        ):
-            MathPrinter(SBML, {x: "x", y: "y"}).text(expression)
+    with pytest.raises(UnsupportedFunctionError, match="erf has no counterpart in SBML"):
+        MathPrinter(SBML, {x: "x"}).text(sp.erf(x))
+
+
+def test_signs_and_steps_at_zero_are_those_of_the_other_texts_in_sbml() -> None:
+    for expression, wanted in ((sp.sign(x), [-1, 0, 1]), (sp.Heaviside(x), [0, 0.5, 1])):
+        text = MathPrinter(SBML, {x: "x"}).text(expression)
+        tree = libsbml.readMathMLFromString(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{text}</math>')
+        assert [value_of(tree, {"x": at}) for at in (-2.0, 0.0, 3.0)] == wanted
 
 
 def test_hostile_names_and_texts_make_a_model_of_sbml_and_of_casadi() -> None:
