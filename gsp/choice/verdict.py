@@ -12,7 +12,7 @@ from gsp.choice.candidates import LARGEST_LAYER, Candidate, ModelKind, left_to_m
 from gsp.choice.costs import Cost, cheapest, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, digits_between
 
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
@@ -84,8 +84,9 @@ def judge(evidence: Evidence) -> Verdict:
     scene, model, partial = evidence.scene, evidence.model, evidence.partial
 
     def promised(begin: float) -> str:
+        digits = digits_between(scene.span)
         return (
-            f"a relative error of {scene.tolerance:g} over t = {begin:.4g} to {scene.span[1]:.4g} "
+            f"a relative error of {scene.tolerance:g} over t = {begin:.{digits}g} to {scene.span[1]:.{digits}g} "
             f"at {scene.system.epsilon} = {scene.epsilon:g}"
         )
 

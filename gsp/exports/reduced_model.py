@@ -17,7 +17,7 @@ from gsp.scenes.study import Study
 from gsp.slow.coordinates import set_apart
 from gsp.slow.series import READABLE, SeriesManifold
 from gsp.systems.flow import check_order
-from gsp.systems.region import shown_region
+from gsp.systems.region import shown_ends, shown_region
 from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 # Of 1800 terms a text has 200 kB and is made in 10 s, of 9500 terms 850 kB in a minute.
@@ -107,6 +107,11 @@ def reduced_model(study: Study, order: int) -> ReducedModel:
         + (f", {scene.title}." if scene.title else "."),
         *([f"Source: {scene.source}"] if scene.source else []),
         f"Region: {shown_region(study.region)}.",
+        *(
+            [f"Units: {', '.join(f'{name} in {unit}' for name, unit in scene.units.items())}."]
+            if scene.units
+            else []
+        ),
         _measured(study, order),
         *_on_the_branch(study, apart, values={**graph, **(system.parameters if fixed else {})}),
     ]
@@ -198,8 +203,10 @@ def _measured(study: Study, order: int) -> str:
     error = found.errors[order][0]
     if not np.isfinite(error):
         return f"Error not measured: {found.statuses[order][0]}."
+    begin, end = shown_ends(scene.span)
+    time = scene.units.get("t", "")
     return (
         f"Measured error: {error:.2g}, the largest of a slow variable relative to its size, against the full system "
-        f"from the slow manifold at {study.system.epsilon.name} = {scene.epsilon:g} over t = {scene.span[0]:g} to "
-        f"{scene.span[1]:g}."
+        f"from the slow manifold at {study.system.epsilon.name} = {scene.epsilon:g} over "
+        f"{f't = {begin} to {end} {time}'.rstrip()}."
     )

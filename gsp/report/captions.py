@@ -16,7 +16,7 @@ from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
 from gsp.hyperbolicity.samples import Kind
-from gsp.report.wording import number, span
+from gsp.report.wording import number, span, unit
 from gsp.results.bounds import at_least
 from gsp.results.mathml import Typesetter
 from gsp.singular.mixed_modes import MixedMode
@@ -145,10 +145,10 @@ def _error(analysis: Analysis, setter: Typesetter) -> Markup:
     more = Markup(" Dashed: the fields stated elsewhere.") if analysis.scene.claims else Markup("")
     return (
         Markup(
-            "Largest relative error of the reduced runs over {}, the full system started on the slow manifold. "
+            "Largest relative error of the reduced runs over {}{}, the full system started on the slow manifold. "
             "Markers are measured. The broad bands have the expected slope, {}<sup><i>N</i>+1</sup> at order "
             "<i>N</i>. In the grey zone the errors of the reference run dominate."
-        ).format(span(analysis.scene.span), _epsilon(analysis, setter))
+        ).format(span(analysis.scene.span), unit("t", analysis.scene.units), _epsilon(analysis, setter))
         + more
     )
 

@@ -21,7 +21,7 @@ from gsp.report.captions import caption
 from gsp.report.reductions import reductions_found
 from gsp.report.sections import Page
 from gsp.report.three_scales import ThreeScales
-from gsp.report.wording import listed, number, scientific, signed, words
+from gsp.report.wording import ends, listed, number, scientific, signed, words
 from gsp.results.attempts import Missing, attempt
 from gsp.results.lettering import in_unicode
 from gsp.scenes.scene import Scene
@@ -103,6 +103,7 @@ def environment_of_pages() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {
+        "ends": ends,
         "number": number,
         "scientific": scientific,
         "words": words,

@@ -9,10 +9,12 @@ from typing import Any
 import sympy as sp
 from markupsafe import Markup
 
+from gsp.report.wording import unit
 from gsp.results import mathml
 from gsp.results.long_formulas import count_lines
 from gsp.results.mathml import Typesetter, dotted, numeral, operator, row
 from gsp.systems.declaration import exact
+from gsp.systems.region import digits_between
 
 NO_UNITS: Mapping[str, str] = MappingProxyType({})
 
@@ -59,11 +61,10 @@ class Setting:
 
     def unit(self, name: str) -> Markup:
         """The unit behind a value of the quantity `name`; empty where none is given."""
-        unit = self.units.get(name)
-        return Markup("") if unit is None else Markup("\u00a0{}").format(unit)
+        return unit(name, self.units)
 
     def interval(self, name: str, bounds: tuple[float, float]) -> Markup:
-        ends = numeral(bounds[0]) + operator(",") + numeral(bounds[1])
+        ends = operator(",").join(numeral(end, digits_between(bounds)) for end in bounds)
         symbol = self.set.row(sp.Symbol(name))
         return self.inline(row(symbol, operator("∈"), operator("["), ends, operator("]"))) + self.unit(name)
 

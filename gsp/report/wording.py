@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from markupsafe import Markup, escape
 
 from gsp.results.lettering import GREEK
+from gsp.systems.region import digits_between
 
 
 def number(value: float, digits: int = 3, *, bound: Callable[[float, int], str] | None = None) -> Markup:
@@ -92,4 +93,14 @@ def fitted(value: float) -> str:
 
 def span(interval: tuple[float, float]) -> Markup:
     """An interval of slow time."""
-    return Markup("<i>t</i> = {} to {}").format(number(interval[0]), number(interval[1]))
+    return Markup("<i>t</i> = {}").format(ends(interval))
+
+
+def ends(interval: tuple[float, float]) -> Markup:
+    """The ends of an interval, so that they can be told apart."""
+    return Markup("{} to {}").format(*(number(end, digits_between(interval)) for end in interval))
+
+
+def unit(name: str, units: Mapping[str, str]) -> Markup:
+    """The unit behind a value of the quantity `name`; empty where none is given."""
+    return Markup("\u00a0{}").format(units[name]) if name in units else Markup("")

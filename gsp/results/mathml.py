@@ -204,9 +204,9 @@ def indexed(name: str, below: int, above: str | None = None) -> str:
     return f"<msub>{base}</msub>" if above is None else f"<msubsup>{base}{above}</msubsup>"
 
 
-def numeral(value: float) -> str:
+def numeral(value: float, digits: int = 6) -> str:
     """A number, with its power of ten written out."""
-    mantissa, _, exponent = f"{value:.6g}".replace("-", "−").partition("e")
+    mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "−").partition("e")
     if not exponent:
         return f"<mn>{mantissa}</mn>"
     power = f"<msup><mn>10</mn><mn>{exponent.replace('+', '').lstrip('0').replace('−0', '−')}</mn></msup>"

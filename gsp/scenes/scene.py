@@ -36,7 +36,7 @@ from gsp.systems.flow import (
     read_only,
     values_by_name,
 )
-from gsp.systems.region import Interval, check_interval, check_region, shown_region
+from gsp.systems.region import Interval, check_interval, check_region, shown_ends, shown_region
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # A run at a tenth of the tolerance is judged by one at 1e-13, the tightest; they have to differ to be compared.
@@ -240,7 +240,7 @@ class Scene(Question, Card):
             *([("region", shown_region(self.region))] if self.region else []),
             ("start", self._shown(self.full_start)),
             *((f"start {name}", self._shown(start)) for name, start in self.starts.items()),
-            ("span", f"{self.span[0]:g} to {self.span[1]:g}{slow}"),
+            ("span", f"{' to '.join(shown_ends(self.span))}{slow}"),
             *([("epsilon", f"{self.epsilon:g}; ladder {ladder}")] if self.has_small else []),
             ("tolerance", f"{self.tolerance:g}"),
             *((f"{symbol}'", str(rate)) for symbol, rate in self.reconstruction.items()),

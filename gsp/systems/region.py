@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -96,7 +97,21 @@ def is_within(point: Mapping[str, float], region: Mapping[str, Interval]) -> boo
 
 def shown_region(region: Mapping[str, Interval]) -> str:
     """A region as text: "x in [0, 1], y in [-2, 2]"."""
-    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in region.items())
+    ends = {name: shown_ends(bounds) for name, bounds in region.items()}
+    return ", ".join(f"{name} in [{low}, {high}]" for name, (low, high) in ends.items())
+
+
+def shown_ends(bounds: Interval) -> tuple[str, str]:
+    """Both ends as text, to the digits of `digits_between`."""
+    low, high = (f"{end:.{digits_between(bounds)}g}" for end in bounds)
+    return low, high
+
+
+def digits_between(bounds: Interval) -> int:
+    """To how many digits two ends are told: six of each, and of what is between them."""
+    low, high = bounds
+    further = max(abs(low), abs(high)) / (high - low)
+    return min(6 + max(math.ceil(math.log10(max(further, 1.0))) - 1, 0), 17)
 
 
 def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:

@@ -515,3 +515,18 @@ def test_a_name_is_no_formula_in_latex() -> None:
     assert r"\mathrm{es} &= \sigma \mathrm{x\_\_2}" in text
     assert "Renamed: σ to sigma." in text
     assert "def rates(t, state, epsilon=0.01, kabs=1.0, sigma=2.0):" in gsp.export(scene, order=0, to="python")
+
+
+def test_the_comment_tells_ends_apart_and_has_the_units() -> None:
+    clock, state, fast = sp.symbols("clock state fast")
+    system = gsp.SlowFastSystem(
+        slow={clock: 1, state: fast - state}, fast={fast: state / 2 - fast}, epsilon=sp.Symbol("epsilon")
+    )
+    scene = gsp.Scene(
+        system, {"clock": (1e9 - 5, 1e9 + 5), "state": (0, 2)}, start={"clock": 1e9 - 5, "state": 1, "fast": 1},
+        span=(2020.25, 2020.75), epsilon=0.01, epsilons=(0.02, 0.01), units={"state": "nM", "t": "s"},
+    )  # fmt: skip
+    said = " ".join(line.removeprefix("# ") for line in gsp.export(scene, order=0).splitlines()[:8])
+    assert "Region: clock in [999999995, 1000000005], state in [0, 2]." in said
+    assert "Units: state in nM, t in s." in said
+    assert "over t = 2020.25 to 2020.75 s." in said

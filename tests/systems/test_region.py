@@ -7,7 +7,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.systems.flow import LARGEST
-from gsp.systems.region import check_interval, check_region
+from gsp.systems.region import check_interval, check_region, shown_ends
 
 
 def test_a_region_comes_back_in_the_order_of_the_states() -> None:
@@ -71,3 +71,18 @@ def test_an_interval_is_named_in_its_error() -> None:
 def test_bounds_are_plural() -> None:
     with pytest.raises(DeclarationError, match="the bounds are reversed"):
         check_interval((2, 1), what="bounds", remedy="Give (low, high).")
+
+
+@pytest.mark.parametrize(
+    ("bounds", "shown"),
+    [
+        ((0.0, 12.3456), ("0", "12.3456")),
+        ((1e9 - 5, 1e9 + 5), ("999999995", "1000000005")),
+        ((2020.25, 2020.75), ("2020.25", "2020.75")),
+        ((-1e308, 1e308), ("-1e+308", "1e+308")),
+        ((1.0, 1.0 + 2.0**-52), ("1", "1.0000000000000002")),
+    ],
+)
+def test_ends_are_told_apart(bounds, shown) -> None:
+    assert shown_ends(bounds) == shown
+    assert len(set(shown_ends(bounds))) == 2
