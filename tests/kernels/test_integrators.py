@@ -9,9 +9,11 @@ import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from gsp.integration import loop
 from gsp.integration.methods import SOLVERS, Method
+from gsp.integration.trajectory import integrate
 from gsp.kernels import dop853_tableau, integrator, radau_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
@@ -531,3 +533,21 @@ def test_a_launched_run_is_the_kernels_own_bit_by_bit(method, first_step) -> Non
     assert record.counters == by_hand.counters.tolist()[: integrator.STIFF + 1]
     # More than one record long.
     assert len(record.times) > 101
+
+
+@pytest.mark.parametrize("method", ["radau9", "radau13"])
+@pytest.mark.parametrize("rtol", [1e-8, 1e-10])
+@pytest.mark.parametrize("loss", [lambda p: p / (p + 0.2), lambda p: p**2 / 5])
+def test_a_linear_layer_does_not_speak_for_a_slow_variable_beside_it(method: str, rtol: float, loss) -> None:
+    """m is switched from 15 to 1, and p' = m - loss(p): the iteration contracts at once in m, and not in p."""
+    layer, begin, switched, end = 0.01, 0.9, 1.0, 3.0
+    flow = VectorField({x: y - loss(x), y: (8 + 7 * sp.sign(1 - z) - y) / layer, z: 1})
+    start = {"x": 0.1, "y": 15.0, "z": begin}
+    run = integrate(flow, start=start, span=(begin, end), rtol=rtol, atol=1e-3 * rtol, method=method)
+    exact = [start["x"]]
+    for first, last in ((begin, switched), (switched, end)):
+        exact = solve_ivp(
+            lambda t, p: 1 + 14 * np.exp(-max(t - switched, 0.0) / layer) - loss(p),
+            (first, last), exact, method="DOP853", rtol=1e-13, atol=1e-15, max_step=0.05,
+        ).y[:, -1]  # fmt: skip
+    assert abs(run["x"][-1] - exact[0]) < 2 * rtol * exact[0]
