@@ -76,18 +76,31 @@ def _backward(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Expl
 
 
 def _sliding(flow: Flow, p: np.ndarray, record: RunRecord) -> str | None:
-    """The switching function of the rates about whose zeros the run goes to and fro in the second half of its steps."""
-    found, states = switches(flow.rates, flow.states), record.states[len(record.states) // 2 :]
+    """The switching function of the rates about whose zeros the run goes to and fro in the second half of its steps.
+
+    It goes further than it gets: what leads across may be steps, or the stages of steps that end on one side.
+    """
+    half = len(record.states) // 2
+    found, states, steps = switches(flow.rates, flow.states), record.states[half:], np.diff(record.times[half:])
     if not found or len(states) < ENOUGH:
         return None
     surfaces = [switch.surface for switch in found]
     slopes = [derivative(surface, state) for surface in surfaces for state in flow.states]
-    values, normals = np.split(compile_over(flow, (*surfaces, *slopes))(states, p), [len(surfaces)], axis=1)
-    rates = compile_flow(flow).rates(states, p)
+    function = compile_over(flow, (*surfaces, *slopes))
+    values, normals = np.split(function(states, p), [len(surfaces)], axis=1)
+    rates = compile_flow(flow).rates
     for i, surface in enumerate(surfaces):
-        side = np.sign(values[:, i])
-        towards = np.einsum("mj,mj->m", normals.reshape(len(states), len(surfaces), -1)[:, i], rates)
-        if side.min() < 0.0 < side.max() and (side * towards <= 0.0).all():
+        value, normal = values[:, i], normals.reshape(len(states), len(surfaces), -1)[:, i]
+        squares = np.einsum("mj,mj->m", normal, normal)
+        if not (squares > 0.0).all():
+            continue
+        # The same places on the other side; of |x| there is none.
+        mirrored = states - 2.0 * (value / squares)[:, None] * normal
+        here, there = (np.einsum("mj,mj->m", normal, rates(places, p)) for places in (states, mirrored))
+        goes = np.abs(here[:-1]) @ np.abs(steps)
+        points = (np.sign(value) * here <= 0.0).all() and (np.sign(value) * there >= 0.0).all()
+        has_sides = (function(mirrored, p)[:, i] * value <= 0.0).all()
+        if has_sides and points and goes > 2.0 * np.abs(value).max():
             return str(surface)
     return None
 

@@ -38,6 +38,7 @@ from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import without_small
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_noun, check_progress
+from gsp.systems.region import digits_between, shown_ends
 from gsp.systems.tolerances import absolute_tolerance
 
 # Candidates that are measured: those that the run stays nearest to.
@@ -306,10 +307,13 @@ def _separated(found: Iterable[Reduction]) -> list[Reduction]:
 
 
 def _recommending(scene: Scene, recommended: Reduction) -> str:
-    begin, end = recommended.measured
+    # Where the layer ends is told to four digits, or as many more as the ends of the span need.
+    begin, _ = recommended.measured
+    digits = digits_between(scene.span, 4)
     return (
         f"What may be left out: the {recommended.name}, to order {recommended.order}; its error over "
-        f"t = {begin:.4g} to {end:.4g} is {recommended.error:.2g}, within the tolerance {scene.tolerance:g}."
+        f"t = {begin:.{digits}g} to {shown_ends(scene.span)[1]} is {recommended.error:.2g}, "
+        f"within the tolerance {scene.tolerance:g}."
     )
 
 
@@ -321,8 +325,8 @@ def _reason(
     gaps: np.ndarray,
     solved: bool,
 ) -> str:
-    first, last = scene.span
-    over = f"over t = {first:g} to {last:g}"
+    first, last = shown_ends(scene.span)
+    over = f"over t = {first} to {last}"
     if recommended is not None:
         return _recommending(scene, recommended)
     if nearest is not None:
@@ -349,15 +353,15 @@ def _reason(
         return "Do not reduce: there is one state only."
     widest = float(gaps.max())
     if widest == 0.0:
-        return f"Do not reduce: no mode decays ahead of the others over most of t = {first:g} to {last:g}."
+        return f"Do not reduce: no mode decays ahead of the others over most of t = {first} to {last}."
     if widest < 1.0:
         return (
-            f"Do not reduce: over most of t = {first:g} to {last:g} the fastest mode that decays takes "
+            f"Do not reduce: over most of t = {first} to {last} the fastest mode that decays takes "
             f"{1.0 / widest:.3g} times as long as that."
         )
     if widest < needed_gap(LARGEST):
         return (
-            f"Do not reduce: nothing is separated over most of t = {first:g} to {last:g}. There the next mode is at "
+            f"Do not reduce: nothing is separated over most of t = {first} to {last}. There the next mode is at "
             f"most {widest:.1f} times as slow as one that decays, and {needed_gap(LARGEST):.1f} times are needed for a "
             "layer to pass before the rest has moved."
         )

@@ -107,11 +107,11 @@ def shown_ends(bounds: Interval) -> tuple[str, str]:
     return low, high
 
 
-def digits_between(bounds: Interval) -> int:
-    """To how many digits two ends are told: six of each, and of what is between them."""
+def digits_between(bounds: Interval, least: int = 6) -> int:
+    """To how many digits two ends are told: to the `least` of each, and of what is between them."""
     low, high = bounds
     further = max(abs(low), abs(high)) / (high - low)
-    return min(6 + max(math.ceil(math.log10(max(further, 1.0))) - 1, 0), 17)
+    return min(least + max(math.ceil(math.log10(max(further, 1.0))) - 1, 0), 17)
 
 
 def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:
