@@ -17,7 +17,7 @@ from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.systems.flow import Flow
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, shown_within
 from gsp.systems.tolerances import absolute_tolerance
 
 # Share of the tolerance that is the integrator's; a model has the rest.
@@ -153,10 +153,10 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
             why = f"{failure}: {_untold(prediction, order, times)}"
         elif failure is Failure.END:
             ended = min(holds, prediction.covered(order))
-            why = f"{failure} at t = {ended:.4g}: {prediction.runs[order].status.meaning}"
+            why = f"{failure} at t = {shown_within(ended, scene.span)}: {prediction.runs[order].status.meaning}"
         elif failure is not None:
             told = _passing(predicted, scene.tolerance) if failure is Failure.ERROR else failure
-            why = f"{told} at t = {holds:.4g}"
+            why = f"{told} at t = {shown_within(holds, scene.span)}"
         elif predicted > limit:
             failure = Failure.ERROR
             why = _passing(predicted, scene.tolerance)
@@ -230,10 +230,11 @@ def solved_candidate(
     why, failure = "", None
     if not run.status.ok:
         failure = Failure.END
-        why = f"{failure} at t = {run.t[-1]:.4g}: {run.status.meaning}"
+        why = f"{failure} at t = {shown_within(run.t[-1], scene.span)}: {run.status.meaning}"
     elif not surface.within_region(times, limit).all():
         failure = Failure.REGION
-        why = f"{failure} at t = {_last_good(lambda t: surface.within_region(t, limit), times):.4g}"
+        left = _last_good(lambda t: surface.within_region(t, limit), times)
+        why = f"{failure} at t = {shown_within(left, scene.span)}"
     elif not surface.inside(times).all():
         why = "the run leaves the piece of the manifold that was solved"
     elif not predicted <= limit:
@@ -341,7 +342,8 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
         # Coarse runs go astray too: where a run ends is said by one as exact as those that are foretold.
         whole = until(last, 2 * most)
         if whole.status is Status.TOO_MANY_STEPS:
-            unseen = f"if it reaches the end: after {2 * most} steps it is at t = {whole.t[-1]:.4g}"
+            there_yet = shown_within(whole.t[-1], scene.span)
+            unseen = f"if it reaches the end: after {2 * most} steps it is at t = {there_yet}"
         elif not whole.status.ok:
             return ended(whole)
     # The cost of a call is not paid again, that of a step is.

@@ -44,7 +44,7 @@ from gsp.scenes.study import Study, study_of
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.systems.arguments import check_flag
 from gsp.systems.flow import Flow, check_orders
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, shown_within
 
 # Errors on the piece are measured at so many times.
 PIECE_POINTS = 33
@@ -121,8 +121,9 @@ class Choice(Card, Tabular):
                 f"  {mark:2}{c.label:<10} {_shown(c.predicted):>9}  {seconds_shown(c.seconds):>9}  {steps:>7}  "
             )
             lines.append(f"{row}{seconds_shown(c.preparation):>8}  {c.remark}".rstrip())
+        begin, end = (shown_within(t, self.scene.span) for t in self.piece)
         lines.append(
-            f"  on t = {self.piece[0]:.4g} to {self.piece[1]:.4g}: predicted {_shown(self.predicted_on_piece)}, "
+            f"  on t = {begin} to {end}: predicted {_shown(self.predicted_on_piece)}, "
             f"measured {_shown(self.measured) or 'nothing, for a run ended early'}"
         )
         # Else the verdict says it.
@@ -367,13 +368,13 @@ class _OnPiece:
         _, measured = self.errors(trial.candidate, surface)
         if not measured > self.scene.tolerance:
             return trial
-        begin, end = self.reference.t[0], self.piece[1]
+        begin, end = (shown_within(t, self.scene.span) for t in (self.reference.t[0], self.piece[1]))
         found = replace(
             trial.candidate,
             predicted=float("nan"),
             holds_until=self.piece[0],
             valid=False,
-            why_not=f"it is off by {measured:.1e} on t = {begin:.4g} to {end:.4g}, more than was predicted",
+            why_not=f"it is off by {measured:.1e} on t = {begin} to {end}, more than was predicted",
             failure=Failure.UNTOLD,
         )
         return replace(trial, candidate=found)

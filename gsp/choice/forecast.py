@@ -135,12 +135,12 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
     prediction = replace(prediction, settled=settled, landed=landed)
     # The end of the layer is looked for up to sixty fast times 1/gap: exp(-60) is far below rounding.
     tau = np.linspace(0.0, 60.0 / inner.gap, 600)
-    begun, end = -1, 0
+    remaining, begun, end = _remaining(inner, tau, scene.epsilon), -1, 0
     # What is left behind the layer is relative to how large the states are there, where errors count.
     while begun < end:
         begun = end
         prediction = replace(prediction, after=scene.span[0] + scene.epsilon * float(tau[end]))
-        left = layer_left(inner, tau, scene.epsilon, prediction.scale)
+        left = _relative(remaining, prediction.scale)
         felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
         end = max(begun, 0 if not felt.size else min(felt[-1] + 1, len(tau) - 1))
     # What it moves slow variables by may be largest after the start.
@@ -188,9 +188,16 @@ def layer_left(
     inner: InnerExpansion, tau: np.ndarray, epsilon: float, scale: Mapping[str, float]
 ) -> np.ndarray:
     """What is left of the layer at fast times `tau` (m,): the largest over the names of `scale`, relative to it."""
+    return _relative(_remaining(inner, tau, epsilon), scale)
+
+
+def _remaining(inner: InnerExpansion, tau: np.ndarray, epsilon: float) -> Mapping[str, np.ndarray]:
     # Slow variables have none at order 0; from a start on a kink it is known at order 1 and no further.
-    left = inner.layer(tau, epsilon, order=max(inner.order - 1, 1))
-    return np.max([np.abs(left[name]) / size for name, size in scale.items()], axis=0)
+    return inner.layer(tau, epsilon, order=max(inner.order - 1, 1))
+
+
+def _relative(remaining: Mapping[str, np.ndarray], scale: Mapping[str, float]) -> np.ndarray:
+    return np.max([np.abs(remaining[name]) / size for name, size in scale.items()], axis=0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from gsp.choice.candidates import LARGEST_LAYER, Candidate, ModelKind, left_to_m
 from gsp.choice.costs import Cost, cheapest, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
-from gsp.systems.region import Interval, digits_between
+from gsp.systems.region import Interval, digits_between, shown_within
 
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
@@ -107,7 +107,7 @@ def judge(evidence: Evidence) -> Verdict:
     if partial is not None and partial.holds_until - scene.span[0] - evidence.layer < 0.05 * length:
         partial = None
     nearest = _nearest(reduced)
-    if partial is not None and (nearest.order is not None or not _is_longer(nearest, partial)):
+    if partial is not None and (nearest.order is not None or not _is_longer(nearest, partial, scene)):
         nearest = partial
     whole = promised(scene.span[0])
     accuracy = (
@@ -119,17 +119,21 @@ def judge(evidence: Evidence) -> Verdict:
         )
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     if partial is None:
-        also = "" if full.valid else f"The run of the full system {_ended(full)}."
+        also = "" if full.valid else f"The run of the full system {_ended(full, scene)}."
         return Verdict(Answer.NO, accuracy, also, _remedy(nearest, evidence))
-    place = ", ".join(f"{name} = {value:.4g}" for name, value in evidence.place.items())
-    until = f"t = {partial.holds_until:.4g}" + (f", {place}" if place else "")
+    region = scene.region
+    place = ", ".join(
+        f"{name} = {shown_within(value, region[name]) if name in region else format(value, '.4g')}"
+        for name, value in evidence.place.items()
+    )
+    until = f"t = {shown_within(partial.holds_until, scene.span)}" + (f", {place}" if place else "")
     subject = "It" if nearest is partial else f"T{in_words(partial)[1:]}"
     accuracy = f"{accuracy} {subject} serves until {until}."
     return Verdict(
         Answer.IN_PART,
         accuracy,
         "simulate() uses it up to there, and the full system elsewhere"
-        + ("." if full.valid else f", whose run {_ended(full)}."),
+        + ("." if full.valid else f", whose run {_ended(full, scene)}."),
         _remedy(nearest, evidence),
     )
 
@@ -156,9 +160,9 @@ def _off_behind(evidence: Evidence) -> str:
         return f"{_error(evidence.fast_error)} after the initial layer"
     if np.isnan(evidence.fast_error):
         return "unknown after the initial layer, because their series does not converge,"
-    begin, end = evidence.fast_measured
+    begin, end = (shown_within(t, evidence.scene.span) for t in evidence.fast_measured)
     return (
-        f"{_error(evidence.fast_error)} after the initial layer (measured on t = {begin:.4g} to {end:.4g} only, "
+        f"{_error(evidence.fast_error)} after the initial layer (measured on t = {begin} to {end} only, "
         "because their series does not converge)"
     )
 
@@ -200,8 +204,8 @@ def _speed(shown: Candidate, full: Candidate, cost: Cost) -> str:
     )
 
 
-def _ended(full: Candidate) -> str:
-    return f"ends at t = {full.holds_until:.4g}"
+def _ended(full: Candidate, scene: Scene) -> str:
+    return f"ends at t = {shown_within(full.holds_until, scene.span)}"
 
 
 def _nearest(reduced: Sequence[Candidate]) -> Candidate:
@@ -212,9 +216,10 @@ def _nearest(reduced: Sequence[Candidate]) -> Candidate:
     return min(reaching, key=lambda c: np.inf if np.isnan(c.predicted) else c.predicted)
 
 
-def _is_longer(one: Candidate, other: Candidate) -> bool:
+def _is_longer(one: Candidate, other: Candidate, scene: Scene) -> bool:
     """Whether one holds longer than the other by the digits that are shown."""
-    return float(f"{one.holds_until:.4g}") > float(f"{other.holds_until:.4g}")
+    until, others = (float(shown_within(c.holds_until, scene.span)) for c in (one, other))
+    return until > others
 
 
 def _remedy(nearest: Candidate, evidence: Evidence) -> str:
@@ -225,7 +230,7 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
         return "A span that ends before that place, or a start behind it, would help."
     if not full.valid:
         # Beyond there is nothing that a reduced model could be near to.
-        return f"Ask about a span that ends before t = {full.holds_until:.4g}."
+        return f"Ask about a span that ends before t = {shown_within(full.holds_until, scene.span)}."
     if evidence.layer > LARGEST_LAYER * length:
         enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
         return (

@@ -80,9 +80,9 @@ class MethodTable(Drawn, Tabular):
     `references[i]` says what the reference was at `epsilons[i]`, and `disagreement[i]` how far the zero-derivative
     principle at its best order is from it: much more than its floor where that principle has reached its limit, or
     where a kink is near. Of points on both sides of surfaces where the field is not smooth, `crossed`, no theorem
-    expects more than order 1.
-    `omitted` says of methods that are left out why: too many slow variables for them, or too long a series; `endings`,
-    by method and epsilon, how those ended that solve over the whole box and fell short of their tolerance.
+    expects more than order 1. `omitted` says of methods that are left out why: too many slow variables for them, or too
+    long a series; `endings`, by method and epsilon, how those ended that solve over the whole box and fell short of
+    their tolerance.
     """
 
     scene: Scene

@@ -34,8 +34,7 @@ def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
     Orbit segments of the full flow through the points themselves, so that no surface has to be resolved between them;
     the zero-derivative principle where its estimated error is the smaller one at the worst point. That knows the field
     at the point alone: where it is further from the segments than the errors of both, as beside a kink, it is no
-    reference. Raises
-    `DeclarationError` when neither gives values.
+    reference. Raises `DeclarationError` when neither gives values.
     """
     pointwise = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15)
     start = branch.points(x)

@@ -362,8 +362,8 @@ def trajectory_of(
         cast("ReducedFlow", flow).tests if reduced and compiled_events is None and progress is None else None
     )
     # When a clock strikes is told by the state itself.
-    is_lifted = tests is None or state is not None or compiled.clocks
-    over_slow = None if is_lifted else cast("ReducedFlow", flow).slow_start(start)
+    needs_state = tests is None or state is not None or compiled.clocks
+    over_slow = None if needs_state else cast("ReducedFlow", flow).slow_start(start)
     y = state or over_slow or _start(flow, start)
     # Steps end on the times of a grid where the field has kinks and jumps, of which a dense output knows nothing, and
     # where events are looked for, since a step may pass over a pulse.

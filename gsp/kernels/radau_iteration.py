@@ -11,10 +11,9 @@ from gsp.kernels.compilation import kernel
 FAILURE_FACTOR = 0.1
 
 
-# No round counts as contracting by less, whatever the norms of two say: where a linear layer is most of the first, its
-# ratio to the second speaks of that alone, and a slow variable's nonlinear remainder was left: by 260 tolerances at
-# rtol 1e-10, and by more at tighter ones. `radau.ITERATION_SHARE` is 0.002: what is left is then two tolerances at most
-# before the contraction of that variable itself.
+# No round counts as contracting by less, whatever the norms of two say. Where a linear layer is most of the first, the
+# ratio of the second to it is that of the layer alone, and with it the nonlinear remainder of a slow variable was
+# believed to be gone: at rtol 1e-10 it was 260 tolerances, and more at tighter ones.
 LEAST_CONTRACTION = 1e-3
 
 GOING_ON, CONVERGED, DIVERGED, UNDEFINED = range(4)

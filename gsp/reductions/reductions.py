@@ -38,7 +38,7 @@ from gsp.scenes.scene import Scene
 from gsp.scenes.small_parameter import without_small
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_noun, check_progress
-from gsp.systems.region import digits_between, shown_ends
+from gsp.systems.region import shown_ends, shown_within
 from gsp.systems.tolerances import absolute_tolerance
 
 # Candidates that are measured: those that the run stays nearest to.
@@ -307,12 +307,10 @@ def _separated(found: Iterable[Reduction]) -> list[Reduction]:
 
 
 def _recommending(scene: Scene, recommended: Reduction) -> str:
-    # Where the layer ends is told to four digits, or as many more as the ends of the span need.
-    begin, _ = recommended.measured
-    digits = digits_between(scene.span, 4)
+    begin = shown_within(recommended.measured[0], scene.span)
     return (
         f"What may be left out: the {recommended.name}, to order {recommended.order}; its error over "
-        f"t = {begin:.{digits}g} to {shown_ends(scene.span)[1]} is {recommended.error:.2g}, "
+        f"t = {begin} to {shown_ends(scene.span)[1]} is {recommended.error:.2g}, "
         f"within the tolerance {scene.tolerance:g}."
     )
 

@@ -107,6 +107,11 @@ def shown_ends(bounds: Interval) -> tuple[str, str]:
     return low, high
 
 
+def shown_within(value: float, bounds: Interval) -> str:
+    """A place between two ends as text, to four digits or as many more as these need to be told apart."""
+    return f"{value:.{digits_between(bounds, 4)}g}"
+
+
 def digits_between(bounds: Interval, least: int = 6) -> int:
     """To how many digits two ends are told: to the `least` of each, and of what is between them."""
     low, high = bounds

@@ -69,6 +69,15 @@ def test_what_is_predicted_and_what_is_measured_are_relative_to_the_largest_valu
     assert 0.33 * choice.candidates[0].predicted <= error <= 1.02 * choice.candidates[0].predicted
 
 
+def test_the_places_of_a_late_span_are_told_apart() -> None:
+    """x' = -y from t = 2020.25: at t = 2020 nothing begins, ends or fails."""
+    late = replace(SCENE, span=(2020.25, 2020.75))
+    text = str(choose(late, solve=False))
+    assert "to 2020.75 at epsilon" in text
+    assert "2020 " not in text
+    assert "2020." in text.splitlines()[-1]
+
+
 @pytest.mark.parametrize("share", [0.85, 0.95])
 def test_a_measured_error_has_to_be_within_what_the_integrator_leaves_as_a_predicted_one_has(
     share: float,

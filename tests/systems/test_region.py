@@ -7,7 +7,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.systems.flow import LARGEST
-from gsp.systems.region import check_interval, check_region, shown_ends
+from gsp.systems.region import check_interval, check_region, shown_ends, shown_within
 
 
 def test_a_region_comes_back_in_the_order_of_the_states() -> None:
@@ -86,3 +86,8 @@ def test_bounds_are_plural() -> None:
 def test_ends_are_told_apart(bounds, shown) -> None:
     assert shown_ends(bounds) == shown
     assert len(set(shown_ends(bounds))) == 2
+
+
+def test_a_place_between_two_ends_is_told_from_both() -> None:
+    assert shown_within(2020.5, (2020.25, 2020.75)) == "2020.5"
+    assert shown_within(0.123456, (0.0, 12.0)) == "0.1235"
