@@ -20,8 +20,12 @@ from gsp.integration.loop import check_span
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
-from gsp.systems.arguments import check_noun, check_number, shown
-from gsp.systems.flow import Flow, Point
+from gsp.systems.arguments import check_noun, check_number, check_positive, shown
+from gsp.systems.flow import Flow, Point, values_by_name
+from gsp.systems.tolerances import absolute_tolerance
+
+# Neighbours in size that differ by this factor are of different kind; less is one kind of swing, changing slowly.
+APART = 3.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,12 +54,13 @@ class MixedMode(Drawn, Tabular):
 
     def __str__(self) -> str:
         large, small = self.sizes[self.is_large], self.sizes[~self.is_large]
-        lines = [
-            f"{self.signature or 'no repeating pattern'} in {self.name}, seen {self.repeats} times in a row"
-        ]
+        seen = f", seen {self.repeats} times in a row" if self.pattern else ""
+        lines = [f"{self.signature or 'no repeating pattern'} in {self.name}{seen}"]
         for what, sizes in (("large", large), ("small", small)):
             if sizes.size:
                 lines.append(f"  {sizes.size} {what} swings, sizes {sizes.min():.4g} to {sizes.max():.4g}")
+        if not self.run.status.ok:
+            lines.append(f"  the run ended early: {self.run.message}")
         return "\n".join(lines)
 
 
@@ -67,10 +72,12 @@ def mixed_mode(
     span: tuple[float, float],
     epsilon: float | None = None,
     rtol: float = 1e-9,
-    atol: float = 1e-11,
+    atol: float | None = None,
     settle: float = 0.5,
 ) -> MixedMode:
     """Count large and small swings of the state `name` along a run of `flow`, after the share `settle` of the span.
+
+    Without `atol` it is a hundredth of `rtol` times the size of the smallest state at the start.
 
     Raises `DeclarationError` for a name that is no state, a share outside [0, 1) or a span that does not ascend, and
     what `integrate` raises. A run that ends early is used as far as it went; its `status` says so.
@@ -100,6 +107,8 @@ def mixed_mode(
         # Its zeros are those of the rate; without a pole in epsilon they are located to the same share of its size.
         rate = sp.expand(rate * flow.epsilon)
     events = (Event(rate, direction=-1, name="maximum"), Event(rate, direction=+1, name="minimum"))
+    if atol is None:
+        atol = absolute_tolerance(check_positive(rtol, what="rtol"), {}, values_by_name(start, what="start"))
     run = trajectory_of(
         flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, options=RunOptions(events=events)
     )
@@ -116,6 +125,9 @@ def mixed_mode(
     times, sizes = times[audible], sizes[audible]
     is_large = _large(sizes)
     pattern, repeats = _pattern(is_large)
+    if is_large.all() and sizes.max(initial=0.0) >= APART * sizes.min(initial=np.inf):
+        # They change their kind little by little, as those of a damped oscillation do, and none comes back.
+        pattern, repeats = (), 0
     return MixedMode(name, run, times, sizes, is_large, pattern, repeats)
 
 
@@ -126,8 +138,7 @@ def _large(sizes: np.ndarray) -> np.ndarray:
     ordered = np.sort(sizes)
     ratios = ordered[1:] / ordered[:-1]
     widest = int(np.argmax(ratios))
-    # Neighbours in size that differ by this factor are of different kind; less is one kind of swing, changing slowly.
-    if ratios[widest] < 3.0:
+    if ratios[widest] < APART:
         return np.ones(sizes.size, dtype=bool)
     return sizes > np.sqrt(ordered[widest] * ordered[widest + 1])
 

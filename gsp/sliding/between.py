@@ -89,23 +89,29 @@ def _strip(functions: Sequence[BallFunction], run: Trajectory, rtol: float) -> t
     low = (run.t[:-1, None] + np.diff(run.t)[:, None] * shares).ravel()
     high = np.append(low[1:], run.t[-1])
     margin = ROUNDING * np.abs(run.y).max(axis=1)
+    begun = _box(run.y[:, 0] - margin, run.y[:, 0] + margin)
+    # What is not negative at the start, on a surface that an event has located, lies in a strip once it has been so.
+    waiting = [i for i, function in enumerate(functions) if not function(begun)[0] < 0]
     budget = MOST
     for _ in range(int(np.ceil(-np.log2(rtol)))):
         middle = low + 0.5 * (high - low)
         first, at, last = (run.at(t) for t in (low, middle, high))
         # A curve leaves its chord by hardly more than it does in the middle.
         bend = 2.0 * np.abs(at - 0.5 * (first + last))
-        left = []
+        left, until = [], dict.fromkeys(waiting, low[0])
         for k in range(len(low)):
             lowest = np.minimum(first[:, k], last[:, k]) - bend[:, k]
             highest = np.maximum(first[:, k], last[:, k]) + bend[:, k]
             box = _box(lowest, highest)
-            near = [function for function in functions if not function(box)[0] < 0]
+            near = [i for i, function in enumerate(functions) if not function(box)[0] < 0]
             if not near:
                 continue
             point = _box(at[:, k] - margin, at[:, k] + margin)
-            if any(function(point)[0] > 0 for function in near):
-                return float(middle[k]), False
+            for i in near:
+                if until.get(i) == low[k]:
+                    until[i] = high[k]
+                elif functions[i](point)[0] > 0:
+                    return float(middle[k]), False
             left.append(k)
         budget -= 2 * len(left)
         if not left or budget < 0:

@@ -24,6 +24,7 @@ from gsp.sliding.between import enclosed, run_to_event
 from gsp.sliding.law import LawEndKind, SwitchLaw
 from gsp.systems.flow import Point, Values, check_epsilon, in_words, values_by_name
 from gsp.systems.system import VectorField
+from gsp.systems.tolerances import absolute_tolerance
 
 # Runs are looked at so often in each step; a start slips above this share of its fastest velocity.
 BETWEEN, SLIPPING = 8, 1e-9
@@ -244,8 +245,10 @@ class Contacts:
         flow, observed = self._flow
         high = _bears(law)
         events, functions = self._events
+        rtol = 1e-11
+        atol = absolute_tolerance(rtol, {}, values)
         run, is_clear = run_to_event(
-            flow, start=values, span=span, rtol=1e-11, atol=1e-13, events=events, functions=functions
+            flow, start=values, span=span, rtol=rtol, atol=atol, events=events, functions=functions
         )
         t = run.t[:1]
         if run.t.size > 1:

@@ -28,8 +28,9 @@ from gsp.sliding.crossing_field import CrossingField
 from gsp.sliding.law import LawEndKind, SwitchLaw, switch_law
 from gsp.sliding.modes import SwitchMode, SwitchModes
 from gsp.sliding.piecewise_field import PiecewiseField
-from gsp.systems.arguments import check_noun, check_whole
-from gsp.systems.flow import Point, complete
+from gsp.systems.arguments import check_noun, check_positive, check_whole
+from gsp.systems.flow import Point, complete, values_by_name
+from gsp.systems.tolerances import absolute_tolerance
 
 # A start is on the surface within the rounding of the surface's own terms.
 ROUNDING = 8.0 * np.finfo(float).eps
@@ -106,12 +107,13 @@ def run_piecewise(
     span: tuple[float, float],
     phi: str | sp.Expr | SwitchLaw = "linear",
     rtol: float = 1e-10,
-    atol: float = 1e-12,
+    atol: float | None = None,
     # Orbits that spiral into a two-fold cross for ever.
     max_pieces: int = 1000,
 ) -> PiecewiseRun:
     """The run from `start` over `span` in the limit of a sharp switch: crossing, sliding and leaving by events.
 
+    Without `atol` it is a hundredth of `rtol` times the size of the smallest state at the start.
     `phi` matters only by how far it rises: where it overshoots, sliding goes on beyond Filippov's. The run ends with
     the span, at a two-fold, where sliding repels (two orbits begin there), when a piece fails, or after `max_pieces`:
     `message` says which. Raises `DeclarationError` for arguments that are not well formed.
@@ -126,6 +128,8 @@ def run_piecewise(
     if not first < last:
         raise GspError("a run of a field that switches goes forward in time.", got=f"span = {span}")
     check_whole(max_pieces, what="max_pieces", least=1, most=10**9, be="a positive integer", remedy="Try 1000.")
+    if atol is None:
+        atol = absolute_tolerance(check_positive(rtol, what="rtol"), {}, values_by_name(start, what="start"))
     law = switch_law(phi)
     crossing = field.crossing if isinstance(field, PiecewiseField) else field
     modes = SwitchModes(crossing, -law.lower.value, law.upper.value)

@@ -264,3 +264,18 @@ def test_the_command_draws_the_first_ramp_with_a_threshold_and_tells_them_all(tm
     assert "a: never tips" in done.output
     assert done.exit_code != 0
     assert not chart.exists()
+
+
+@pytest.mark.parametrize(("unit_x", "unit_y"), [("1", "0.001"), ("1000000000", "1")])
+def test_the_rate_of_a_level_does_not_depend_on_the_units_of_the_states(unit_x: str, unit_y: str) -> None:
+    """The start x = 0 stays where it is along the ramp, so that nothing but rounding is left of x there."""
+    X, Y, r, epsilon = sp.symbols("X Y r epsilon")
+
+    def rate(a: sp.Expr, b: sp.Expr) -> float | None:
+        push = (Y / b + r + X / a * (X / a - 1)) / epsilon
+        field = gsp.VectorField({X: a * push, Y: -b * X / a}, epsilon=epsilon, parameters={r: 0})
+        ramp = gsp.Ramp.tanh({r: (0, sp.Rational(1, 2))})
+        level = {"X": 3 * float(a)}
+        return gsp.critical_rate(field, ramp=ramp, start={"X": 0, "Y": 0}, edge=level, epsilon=0.05).rate
+
+    assert rate(sp.Rational(unit_x), sp.Rational(unit_y)) == pytest.approx(3.92920200395, rel=1e-10)

@@ -106,3 +106,32 @@ def test_the_chart_of_a_run_without_swings():
     axes = charts.mixed_mode(at_rest)
     assert axes.get_title(loc="right") == "no repeating pattern"
     assert charts.png(axes).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e9])
+def test_a_pattern_does_not_depend_on_units(unit: float) -> None:
+    plain, exact = koper(-7), sp.Rational(str(unit))
+    own = {s: s / exact for s in (x, y, z)}
+    rates = {s: exact * rate.xreplace(own) for s, rate in zip(plain.states, plain.rates)}
+    small = VectorField(rates, epsilon=epsilon)
+    start = {name: unit * value for name, value in START.items()}
+    assert mixed_mode(small, "x", start=start, span=(0, 30), epsilon=0.05).signature == "1^2"
+
+
+def test_swings_that_come_to_be_of_another_kind_little_by_little_repeat_in_nothing() -> None:
+    """Of x'' + x'/10 + x = 0 each is exp(-pi/(10 cos(asin(1/20)))) = 0.73 of the one before."""
+    damped = VectorField({x: y, y: -x - y / 10}, epsilon=None)
+    found = mixed_mode(damped, "x", start={"x": 1, "y": 0}, span=(0, 80))
+    assert found.sizes[1:] / found.sizes[:-1] == pytest.approx(np.exp(-np.pi / (10 * np.sqrt(1 - 1 / 400))))
+    assert found.is_large.all()
+    assert (found.pattern, found.repeats) == ((), 0)
+    assert "in a row" not in str(found)
+    # Over few of them none is of another kind than the first.
+    assert mixed_mode(damped, "x", start={"x": 1, "y": 0}, span=(0, 20), settle=0.0).signature == "1^0"
+
+
+def test_a_run_that_ended_early_says_so() -> None:
+    growing = VectorField({x: y, y: -x + x**3}, epsilon=None)
+    found = mixed_mode(growing, "x", start={"x": 1, "y": 1}, span=(0, 30))
+    assert not found.run.status.ok
+    assert "the run ended early" in str(found)

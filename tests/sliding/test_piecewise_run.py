@@ -241,3 +241,21 @@ def test_a_run_that_cannot_begin_has_no_points() -> None:
     run = run_piecewise(PiecewiseField({x: 1, y: x}, {x: 1, y: -x}, y), start={"x": 0, "y": 0}, span=(0, 1))
     assert (run.pieces, run.t.size, run["x"].size) == ((), 0, 0)
     assert run.as_json()["dimensions"]["point"] == 0
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_a_run_does_not_depend_on_the_unit_of_its_states(unit: float) -> None:
+    """A pendulum with dry friction that is pushed; where u = 0 it sticks, or turns and goes on from the surface."""
+    x, u, c = sp.symbols("x u c")
+
+    def changes(S: sp.Expr) -> tuple[float, ...]:
+        push = 6 * sp.cos(7 * c / 10) / 5
+
+        def rates(friction: sp.Rational) -> dict[sp.Symbol, sp.Expr]:
+            return {x: u, u: S * (push - sp.sin(x / S) - friction) - u / 10, c: sp.S.One}
+
+        field = PiecewiseField(rates(sp.Rational(2, 5)), rates(-sp.Rational(2, 5)), u)
+        start = {"x": 0.3 * float(S), "u": 0.0, "c": 0.0}
+        return run_piecewise(field, start=start, span=(0, 40)).changes
+
+    assert changes(sp.Rational(str(unit))) == pytest.approx(changes(sp.S.One), rel=1e-8)

@@ -14,6 +14,7 @@ from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
 from gsp.singular.ramps.ramped import Place, Ramped
+from gsp.systems.region import balancing_units, in_units, powers_of_two
 from gsp.systems.system import VectorField
 
 RATE = sp.Symbol("rate")
@@ -76,15 +77,17 @@ def run_ramp(
     """
     (first, last), phase, states = given.ends, given.ramp.phase, given.field.states
     names, n = [x.name for x in states], len(states)
-    moving = VectorField(
-        {**given.field.equations, phase: RATE * given.ramp.profile}, epsilon=RATE, parameters=given.kept
-    )
+    units = np.ones(n) if level is None else _units(given, begin, level)
+    equations = in_units(given.field.equations, dict(zip(states, units)))
+    moving = VectorField({**equations, phase: RATE * given.ramp.profile}, epsilon=RATE, parameters=given.kept)
     x, s = leaving(given, begin, rate)
     # Phases that never arrive are followed to this share of the way from their end.
     share = 1e-4 if given.rests_at(last) else 0.0
     end, middle = (first + part * (last - first) for part in (1.0 - share, 0.5))
     passed = (
-        [] if level is None else [Event(states[level[0]] - sp.Float(level[1], 17), terminal=True, name="level")]
+        []
+        if level is None
+        else [Event(states[level[0]] - sp.Float(level[1] / units[level[0]], 17), terminal=True, name="level")]
     )
     ramping = (
         *passed,
@@ -100,7 +103,7 @@ def run_ramp(
     def reached(found: Trajectory) -> bool:
         return level is not None and len(found.events["level"].times) > 0
 
-    along = run(moving, {**dict(zip(names, x)), phase.name: s}, given.longest(begin.x) / rate, ramping)
+    along = run(moving, {**dict(zip(names, x / units)), phase.name: s}, given.longest(begin.x) / rate, ramping)
     halves = along.events["half way"].times
     origin = float(halves[0]) if len(halves) else float(along.t[-1])
     # From where something is to be seen: the phase leaves its end.
@@ -110,7 +113,7 @@ def run_ramp(
     t, rows, s_values, status = times - origin, values[:n], values[n], along.status
     if status is Status.SUCCESS or (status is Status.EVENT_REACHED and not reached(along)):
         flow = moving if share else VectorField(
-            {x: rate.xreplace({phase: given.ramp.ends[1]}) for x, rate in given.field.equations.items()},
+            {x: rate.xreplace({phase: given.ramp.ends[1]}) for x, rate in equations.items()},
             epsilon=None, parameters=given.kept,
         )  # fmt: skip
         begun = dict(zip(names, along.y[:n, -1])) | ({phase.name: float(along.y[n, -1])} if share else {})
@@ -121,4 +124,11 @@ def run_ramp(
         rows = np.concatenate([rows, more[:n]], axis=1)
         s_values = np.concatenate([s_values, more[n] if share else np.full(len(later), last)])
         status = on.status
-    return RampRun(given, rate, t, s_values, rows.T, status)
+    return RampRun(given, rate, t, s_values, rows.T * units, status)
+
+
+def _units(given: Ramped, begin: Place, level: tuple[int, float]) -> np.ndarray:
+    """Powers of 2 (n,) in which the states are run to a level: that of its state, and of the others by what they do."""
+    state, value = level
+    found = balancing_units(given.at(begin.x, begin.s).f_x)
+    return powers_of_two(found / found[state] * (abs(value) or 1.0))

@@ -14,6 +14,7 @@ from gsp.algebra.differentiation import derivative, jacobian
 from gsp.errors import GspError
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.ramp import Ramp
+from gsp.systems.region import balancing_units
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # A branch is followed in steps, shares of the way, over which it hardly turns; it folds where they get as short as the
@@ -152,8 +153,10 @@ class Ramped:
             return False
         slopes, step = np.array([slope, -np.linalg.solve(f_x, f_s)]), found.s - place.s
         off = np.abs(found.x - place.x - slopes.mean(axis=0) * step)
-        # The trapezoidal rule: what it misses is a part of what x moves, or rounding.
-        rounding = np.finfo(float).eps ** 0.5 * (np.abs(found.x) + np.abs(place.x))
+        # The trapezoidal rule: what it misses is a part of what x moves, or rounding, which a state that is 0 has from
+        # the others.
+        units = balancing_units(f_x)
+        rounding = np.finfo(float).eps ** 0.5 * units * ((np.abs(found.x) + np.abs(place.x)) / units).max()
         return bool((off <= 0.5 * np.abs(slopes * step).max(axis=0) + rounding).all())
 
     def check_way(self, x: np.ndarray) -> None:
