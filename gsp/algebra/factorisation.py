@@ -15,12 +15,11 @@ from typing import NamedTuple
 import flint
 import sympy as sp
 
-from gsp.algebra.polynomials import polynomial_expression, primitive_multiple, rational
+from gsp.algebra.polynomials import FACTOR_TERMS, centred, polynomial_expression, primitive_multiple, rational
 
 # Products of terms in one multiplication; a polynomial that takes more is not written out.
 TERM_PRODUCTS = 20_000
-# Polynomials with more terms, or of a higher degree in one generator, are not factored.
-FACTOR_TERMS = 400
+# Nor are polynomials of a higher degree in one generator factored.
 FACTOR_DEGREE = 40
 # Exponents and roots share an atom when they are such multiples of it at most: exp(6000 u) is none of exp(u).
 MULTIPLE = 12
@@ -39,7 +38,7 @@ class Quotient(NamedTuple):
 
     def expression(self, polynomial: flint.fmpq_mpoly) -> sp.Expr:
         """One of the polynomials, expanded, as an expression."""
-        return polynomial_expression(polynomial, self.atoms)
+        return polynomial_expression(polynomial, self.atoms, (self.denominator,))
 
 
 def quotient(expression: sp.Expr) -> Quotient | None:
@@ -217,6 +216,14 @@ def coefficients(expression: sp.Expr, symbol: sp.Symbol) -> list[sp.Expr] | None
         row[tuple(0 if i == place else k for i, k in enumerate(powers))] = c
     context = found.numerator.context()
     return [found.expression(context.from_dict(rows.get(k, {}))) for k in range(max(rows, default=0), -1, -1)]
+
+
+def centre(expression: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
+    """c, of which the numerator has fewer powers of `symbol` - c than of `symbol`; 0 where it has not."""
+    found = quotient(expression)
+    if found is None or symbol not in found.atoms:
+        return sp.Integer(0)
+    return symbol - centred(found.numerator, found.atoms)[1][found.atoms.index(symbol)]
 
 
 def degree(expression: sp.Expr, symbols: Sequence[sp.Symbol]) -> int | None:

@@ -13,6 +13,8 @@ import gsp.algebra.pickling  # noqa: F401 - who has a polynomial may send it
 
 # Powers of one generator that are nested in one another.
 LONGEST = 64
+# Polynomials with more terms are not factored, and not written about a centre.
+FACTOR_TERMS = 400
 
 
 def rational(value: flint.fmpq) -> sp.Rational:
@@ -28,8 +30,72 @@ def characteristic_roots(matrix: np.ndarray) -> np.ndarray:
     return np.array([complex(root) for root, times in roots for _ in range(times)])  # pyright: ignore[reportGeneralTypeIssues]
 
 
-def polynomial_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:
-    """The polynomial, expanded, with `meaning[i]` for its generator i."""
+def polynomial_expression(
+    polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr], beside: Sequence[flint.fmpq_mpoly] = ()
+) -> sp.Expr:
+    """The polynomial, a sum of terms about its centres or of those `beside` it, with `meaning[i]` for generator i."""
+    return _sum(*centred(polynomial, meaning, beside))
+
+
+def centred(
+    polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr], beside: Sequence[flint.fmpq_mpoly] = ()
+) -> tuple[flint.fmpq_mpoly, list[sp.Expr]]:
+    """(Q, m) with Q(m) = P(`meaning`), each generator v replaced by v - c where that makes P shorter.
+
+    (t - c)^4 + x is written so: its expansion cancels near t = c. Tried are the centres of P and of the polynomials
+    `beside` it.
+    """
+    meaning, beside = list(meaning), list(beside)
+    if len(polynomial) > FACTOR_TERMS:
+        return polynomial, meaning
+    generators, shortest = polynomial.context().gens(), _length(polynomial)
+    while True:
+        best = None
+        for i, degree in enumerate(polynomial.degrees()):
+            for centre in [c for p in (polynomial, *beside) if degree > 0 for c in _centres(p, i)]:
+                moved = [v + centre if k == i else v for k, v in enumerate(generators)]
+                length = _length(polynomial.compose(*moved)) + _length(centre)
+                if length < shortest:
+                    best, shortest = (i, centre, moved), length
+        if best is None:
+            return polynomial, meaning
+        i, centre, moved = best
+        meaning[i] -= _sum(centre, meaning)
+        polynomial, *beside = (p.compose(*moved) for p in (polynomial, *beside))
+        shortest = _length(polynomial)
+
+
+def _centres(polynomial: flint.fmpq_mpoly, i: int) -> list[flint.fmpq_mpoly]:
+    """Of a v^n + b v^(n-1) + ... in generator i, with b = q a + r, the linear -q/n and its number, unless they are 0.
+
+    Powers of v - c about c are one term each.
+    """
+    degree = int(polynomial.degrees()[i])
+    if degree < 2:
+        return []
+    context, rows = polynomial.context(), {degree: {}, degree - 1: {}}
+    for exponents, coefficient in polynomial.to_dict().items():
+        if exponents[i] in rows:
+            rest = tuple(0 if k == i else e for k, e in enumerate(exponents))
+            rows[exponents[i]][rest] = coefficient
+    leading, lower = (context.from_dict(row) for row in rows.values())
+    centre = divmod(lower, leading)[0] * flint.fmpq(-1, degree)
+    if centre == 0:
+        return []
+    number = context.constant(centre[(0,) * context.nvars()])
+    linear = [centre] if centre.total_degree() < 2 and centre != number else []
+    return linear + [number] * (number != 0)
+
+
+def _length(polynomial: flint.fmpq_mpoly) -> int:
+    """Bits of the coefficients and factors of the terms, together."""
+    return sum(
+        int(c.p).bit_length() + int(c.q).bit_length() + sum(map(int, exponents))
+        for exponents, c in polynomial.to_dict().items()
+    )
+
+
+def _sum(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:
     return sp.Add(
         *[
             sp.Mul(rational(coefficient), *[meaning[i] ** int(e) for i, e in enumerate(exponents) if e])
@@ -39,19 +105,24 @@ def polynomial_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Exp
 
 
 def horner_expression(
-    polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr], sizes: Sequence[int] = (), size: int = 0
+    polynomial: flint.fmpq_mpoly,
+    meaning: Sequence[sp.Expr],
+    sizes: Sequence[int] = (),
+    size: int = 0,
+    beside: Sequence[flint.fmpq_mpoly] = (),
 ) -> sp.Expr:
-    """The polynomial over 2^size in nested form, the generator that occurs in most terms outermost.
+    """The polynomial over 2^size in nested form about its centres, the generator that occurs in most terms outermost.
 
     With `sizes` generator i stands in it over 2^sizes[i]. More than `LONGEST` powers of a generator are a sum of nested
     forms, or SymPy's recursions end in the stack's limit.
     """
-    terms, inner = polynomial.to_dict(), meaning
+    polynomial, inner = centred(polynomial, meaning, beside)
+    terms = polynomial.to_dict()
     if size or any(sizes):
         powers = {exponents: sum(map(int.__mul__, map(int, exponents), sizes)) for exponents in terms}
         terms = {exponents: c * flint.fmpq(2) ** (powers[exponents] - size) for exponents, c in terms.items()}
-        inner = [m * sp.Integer(2) ** -k for m, k in zip(meaning, sizes)]
-    return _horner(terms, list(range(len(meaning))), inner)
+        inner = [m * sp.Integer(2) ** -k for m, k in zip(inner, sizes)]
+    return _horner(terms, list(range(len(inner))), inner)
 
 
 def reach(polynomial: flint.fmpq_mpoly, sizes: Sequence[int]) -> tuple[int, int]:

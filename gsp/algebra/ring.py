@@ -16,9 +16,10 @@ from typing import Any
 import flint
 import sympy as sp
 
-from gsp.algebra.factorisation import FACTOR_TERMS, MULTIPLE
+from gsp.algebra.factorisation import MULTIPLE
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.algebra.polynomials import (
+    FACTOR_TERMS,
     horner_expression,
     polynomial_expression,
     primitive_multiple,
@@ -320,7 +321,10 @@ class LocalisedRing:
         """The element as a SymPy expression, numerator factored when short, denominators as powers."""
         if a.is_zero:
             return sp.Integer(0)
-        scale = sp.Integer(1)
+        scale, below = (
+            sp.Integer(1),
+            [self.denominators[i] for i, exponent in enumerate(a.exponents) if exponent],
+        )
         if factored and len(a.numerator) <= FACTOR_TERMS:
             content, factors = a.numerator.factor()
             scale = rational(content)
@@ -333,9 +337,11 @@ class LocalisedRing:
                     powers = [(p, k - int(p in (sign, other))) for p, k in powers]
                     scale = scale if other == u else -scale
                     distances.append(sp.Abs(polynomial_expression(u, self._meaning)))
-            numerator = sp.Mul(*distances, *[polynomial_expression(p, self._meaning) ** k for p, k in powers])
+            numerator = sp.Mul(
+                *distances, *[polynomial_expression(p, self._meaning, below) ** k for p, k in powers]
+            )
         else:
-            numerator = polynomial_expression(a.numerator, self._meaning)
+            numerator = polynomial_expression(a.numerator, self._meaning, below)
         denominator = []
         for i, exponent in enumerate(a.exponents):
             if exponent:
@@ -349,6 +355,7 @@ class LocalisedRing:
         """The element for evaluation: numerator in Horner form, denominators kept factored; symbols over their `sizes`
         where powers of them would come near the ends of the doubles' range."""
         powers = [(self.denominators[i], exponent) for i, exponent in enumerate(a.exponents) if exponent]
+        beside = [p for p, _ in powers]
         sizes = [self.sizes.get(symbol, 0) for symbol in self._meaning]
         if any(sizes) and not a.is_zero:
             reaches = [(reach(p, sizes), exponent) for p, exponent in [(a.numerator, 1), *powers]]
@@ -359,9 +366,9 @@ class LocalisedRing:
                 for (p, exponent), ((largest, _), _) in zip(powers, reaches[1:]):
                     size += largest * exponent
                     below.append(horner_expression(p, self._meaning, sizes, largest) ** -exponent)
-                return sp.Mul(horner_expression(a.numerator, self._meaning, sizes, size), *below)
-        below = [polynomial_expression(p, self._meaning) ** -exponent for p, exponent in powers]
-        return sp.Mul(horner_expression(a.numerator, self._meaning), *below)
+                return sp.Mul(horner_expression(a.numerator, self._meaning, sizes, size, beside), *below)
+        below = [polynomial_expression(p, self._meaning, beside) ** -exponent for p, exponent in powers]
+        return sp.Mul(horner_expression(a.numerator, self._meaning, beside=beside), *below)
 
 
 def read(expression: sp.Expr, ring: Any, environment: dict[sp.Symbol, Any], cache: dict | None = None) -> Any:

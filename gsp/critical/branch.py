@@ -15,7 +15,7 @@ import sympy as sp
 
 from gsp.algebra.brevity import brief, listed
 from gsp.algebra.differentiation import entries
-from gsp.algebra.factorisation import coefficients
+from gsp.algebra.factorisation import centre, coefficients
 from gsp.critical.common_units import own_sizes
 from gsp.critical.sheet_continuation import LEAST_SHARE, PIECES, SheetContinuation
 from gsp.critical.sheet_points import (
@@ -297,11 +297,13 @@ class Branch(Portable, Card):
 
     @cached_property
     def _polynomial(self):
-        """Coefficients of the one equation as a polynomial in the one fast variable, compiled; or None."""
+        """c and the coefficients of the one equation in powers of y - c, y the one fast variable, compiled; or None."""
         if len(self.system.y) != 1:
             return None
-        row = coefficients(self._own_equations[0], self.system.y[0])
-        return None if row is None else self._compiled(tuple(row), self.system.x)
+        (y,), (equation,) = self.system.y, self._own_equations
+        about = centre(equation, y)
+        row = coefficients(equation.xreplace({y: y + about}), y)
+        return None if row is None else self._compiled((about, *row), self.system.x)
 
     def _compiled(self, outputs, arguments):
         return compile_over(self.system, outputs, arguments=arguments)
@@ -348,14 +350,14 @@ class Branch(Portable, Card):
         assert self._polynomial is not None
         own, (ux, uy) = self._bounds(bounds or {}), self.scales
         size = size_of(np.array(list(own.values()))) if own else 1.0
-        coefficients = self._polynomial(point[None, :] / ux, self._values)[0]
+        about, *coefficients = self._polynomial(point[None, :] / ux, self._values)[0]
         if not np.isfinite(coefficients).all():
             return np.empty((0, 1))
         found = np.roots(np.trim_zeros(coefficients, "f"))
         # Imaginary parts of polynomial roots below this, relative to 1 + |y| in the branch's units, count as
         # rounding.
         real = found.real[np.abs(found.imag) <= 1e-7 * (size + np.abs(found))]
-        guess = np.sort(real)[:, None]
+        guess = about + np.sort(real)[:, None]
         places = np.broadcast_to(point / ux, (len(guess), len(point)))
         polished, good = self._newton_in_units(places, guess, size=size)
         return np.where(good[:, None], polished, guess) * uy

@@ -17,7 +17,6 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import (
-    FACTOR_TERMS,
     coefficients,
     degree,
     factor_list,
@@ -30,6 +29,7 @@ from gsp.algebra.factorisation import (
 from gsp.algebra.functions import NON_SMOOTH
 from gsp.algebra.inversion import one_inverse
 from gsp.algebra.laurent import laurent
+from gsp.algebra.polynomials import FACTOR_TERMS
 from gsp.algebra.substitution import substituted
 from gsp.systems.system import SlowFastSystem
 

@@ -177,7 +177,7 @@ class _Passage:
                     return t
             self.depth = max(self.depth, -float(phi[i]))
             if self.losses and phi[i] >= self.level and piece.values[i] > 0.0:
-                return crossing(piece.t, phi, self.level, i)
+                return crossing(piece.t, phi, self.level, i, after=self.losses[-1].t)
         return None
 
     def _left_beside(self, piece: ResolvedPanel, exit_at: float | None) -> float | None:

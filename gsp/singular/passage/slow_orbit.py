@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
+from numpy.polynomial.chebyshev import chebroots, chebvander
 
 from gsp.algebra.differentiation import entries, jacobian
 from gsp.critical.branch import Branch
@@ -28,7 +29,7 @@ from gsp.systems.system import VectorField
 # A panel is resolved when its last Chebyshev coefficients are this small, relative to a state's unit and its largest
 # value on it, or to the largest eigenvalue so far.
 RESOLVED = 2e-14
-# The first panel in units of (1 + |x|)/|f|, x in units.
+# The first panel in units of (1 + |x|)/|f|, x in units, or of the time in which the rightmost eigenvalue changes.
 FIRST = 0.05
 
 
@@ -90,7 +91,6 @@ class SlowOrbit:
                 f"the reduced flow stands still at the start, {self.shown(self.state)}.",
                 "Start where it moves.",
             )
-        self._length = FIRST * self.time
         fixed = dict(system.parameters)
         if graph is not None:
             rates = {s: f.xreplace(dict(graph)) for s, f in zip(system.x, sampler.f)}
@@ -99,6 +99,16 @@ class SlowOrbit:
             moved = E_y.LUsolve(E_x * sp.Matrix(sampler.f))
             rates = {**dict(zip(system.x, sampler.f)), **{y: -m for y, m in zip(system.y, moved)}}
         self._flow = _in_units(VectorField(rates, epsilon=None, parameters=fixed), self.units)
+        self._length = FIRST * min(self.time, self._time_to_change())
+        # Panels this much shorter than the first one run into the end of the branch.
+        self._least = 1e-5 * self._length
+
+    def _time_to_change(self) -> float:
+        """A slow time in which the rightmost eigenvalue at the start changes by its own size."""
+        step = np.finfo(float).eps ** 0.5 * self.time
+        both = np.array([self.state, self.state + step * self.velocity(self.state)])
+        first, later = np.real(self.eigenvalues(both)[:, 0])
+        return step * abs(first / (later - first)) if first and later != first else float("inf")
 
     def shown(self, z: np.ndarray) -> str:
         """A point by name."""
@@ -107,8 +117,7 @@ class SlowOrbit:
     def advance(self) -> Panel:
         """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""
         nodes = chebyshev()[0]
-        # Panels this much shorter than the first one run into the end of the branch.
-        while self._length >= 1e-5 * FIRST * self.time:
+        while self._length >= self._least:
             times = self.end + 0.5 * self._length * (nodes + 1.0)
             z = self._sampled(times)
             if z is not None:
@@ -189,6 +198,13 @@ class SlowOrbit:
         order = np.lexsort((-np.imag(values), -np.real(values)), axis=1)
         return np.take_along_axis(values, order, axis=1)
 
+    def _noise(self, z: np.ndarray, values: np.ndarray) -> float:
+        """What the error of the points (k, n) makes of the rightmost real parts `values` (k,) at most."""
+        n = len(self.units)
+        moved = z + RESOLVED * np.diag(self.units + np.abs(z).max(axis=0))[:, None, :]
+        spectra = self.eigenvalues(moved.reshape(-1, n))
+        return float(np.abs(np.real(spectra[:, 0]).reshape(n, -1) - values).sum(axis=0).max())
+
     def fast_jacobian(self, z: np.ndarray) -> np.ndarray:
         """g_y at one point (n,)."""
         return self.sampler.fast_jacobian(z[None, :])[0]
@@ -207,7 +223,11 @@ class SlowOrbit:
         leading = spectra[:, 0]
         values = np.real(leading)
         self.rate = max(self.rate, float(np.abs(spectra).max()))
-        resolved = tail(values[None, :])[0] <= RESOLVED * self.rate
+        rest = tail(values[None, :])[0]
+        noise = RESOLVED * self.rate
+        if rest > noise:
+            noise = max(noise, self._noise(panel.at(t), values))
+        resolved = rest <= noise and _shows_its_zeros(values, noise)
         if resolved or depth == 0:
             return [ResolvedPanel(t, values, leading, half * (S @ values), not resolved)]
         middle = first + half
@@ -229,12 +249,30 @@ def interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray
     return (ratio @ values) / ratio.sum(axis=1).reshape(-1, *([1] * (values.ndim - 1)))
 
 
-def crossing(t: np.ndarray, values: np.ndarray, level: float, i: int) -> float:
-    """The time between nodes i - 1 and i where the interpolant of `values` meets `level`; node i if both are beyond."""
-    found = root(
-        lambda s: float(interpolate(t, values, np.array([s]))[0]) - level,
-        float(t[i - 1]),
-        float(t[i]),
-        ends=(float(values[i - 1]) - level, float(values[i]) - level),
-    )
-    return float(t[i]) if found is None else found
+def _shows_its_zeros(values: np.ndarray, noise: float) -> bool:
+    """Whether the interpolant of `values` (m,) at the nodes has as many zeros as these have changes of sign.
+
+    Zeros between which it keeps within `noise` are none.
+    """
+    nodes = chebyshev()[0]
+    zeros = chebroots(np.linalg.solve(chebvander(nodes, len(nodes) - 1), values))
+    zeros = np.sort(zeros.real[(zeros.imag == 0.0) & (np.abs(zeros) < 1.0)])
+    middles = np.concatenate([[-1.0], 0.5 * (zeros[1:] + zeros[:-1]), [1.0]])
+    between = interpolate(nodes, values, middles)
+    between = between[np.abs(between) > noise]
+    return int((between[:-1] * between[1:] < 0.0).sum()) <= int((values[:-1] * values[1:] < 0.0).sum())
+
+
+def crossing(t: np.ndarray, values: np.ndarray, level: float, i: int, after: float = -np.inf) -> float:
+    """The time between nodes i - 1 and i, behind `after`, where the interpolant of `values` meets `level`.
+
+    Node i if both are beyond it.
+    """
+
+    def above(s: float) -> float:
+        return float(interpolate(t, values, np.array([s]))[0]) - level
+
+    begin, end = max(float(t[i - 1]), after), float(t[i])
+    at_begin = above(begin) if begin == after else float(values[i - 1]) - level
+    found = root(above, begin, end, ends=(at_begin, float(values[i]) - level))
+    return end if found is None else found
