@@ -323,11 +323,12 @@ def _conditions(
         non_smooth == 0,
     )
     total = len(z) + missing
+    branch = "it" if sampler.branch.seed is None else "the sheet"
     yield Condition(
         "graph",
         "the branch is a graph over the whole region",
         missing / total,
-        "share of points over which it has no real point, 0 needed",
+        f"share of points over which {branch} has no real point, 0 needed",
         missing == 0,
     )
     residual = sampler.residual(z) if len(z) else float("inf")

@@ -20,6 +20,7 @@ from gsp.report.wording import number, span, unit
 from gsp.results.bounds import at_least
 from gsp.results.mathml import Typesetter
 from gsp.singular.mixed_modes import MixedMode
+from gsp.systems.region import digits_between
 
 # What figures of views are called, before their names.
 VIEW = "view_"
@@ -200,7 +201,7 @@ def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
         2: "The real part that is nearest to 0 of the fast eigenvalues over the region, in fast time.",
     }.get(slow, "The fast eigenvalues over the region, in the complex plane and in fast time.")
     if found.failing:
-        at = Markup("; ").join(_place(point, setter, 4) for point in found.failing)
+        at = Markup("; ").join(_place(point, analysis, setter, 4) for point in found.failing)
         return Markup("{} A ring marks where a condition fails: at {}.").format(shown, at)
     who, where = ("None", "throughout") if found.is_proved else ("At the samples none", "there")
     nearer = "is nearer to 0 than" if slow == 2 else "enters the strip of half-width"
@@ -239,18 +240,21 @@ def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
         text += " Normal hyperbolicity is lost along the black fold curves."
     if points:
         listed = Markup("; ").join(
-            Markup("{} at {}").format(str(point.kind), _place(point.point, setter, 6)) for point in points[:4]
+            Markup("{} at {}").format(str(point.kind), _place(point.point, analysis, setter, 6)) for point in points[:4]
         )
         text += Markup(" Special points: {}.").format(listed)
     for stop in found.stops if isinstance(found, CriticalCurve) else ():
         if not stop.ending.ok:
-            text += Markup(" The curve ends at {}: {}.").format(_place(stop.point, setter), stop.ending.meaning)
+            place = _place(stop.point, analysis, setter)
+            text += Markup(" The curve ends at {}: {}.").format(place, stop.ending.meaning)
     return text
 
 
 def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
-    kind = analysis.hyperbolicity.kind
-    ways = {Kind.ATTRACTING: "come nearer to it", Kind.REPELLING: "move away from it"}
+    found = analysis.hyperbolicity
+    # What is lost somewhere attracts, or not, where it is not.
+    kind = found.kind if found.sub_region is None else found.sub_region.kind
+    ways: dict[str, str] = {Kind.ATTRACTING: "come nearer to it", Kind.REPELLING: "move away from it"}
     layer = Markup(
         "Next to the slow manifold orbits {} by a factor of e or more in the time {}/gap (dotted). "
     ).format(ways.get(kind, "move away from it, in some directions,"), _epsilon(analysis, setter))
@@ -260,7 +264,7 @@ def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup("The full run at {} (broad) " + shown + ". {}{}").format(
         _at(analysis, setter),
         analysis.short_series.order,
-        layer if analysis.hyperbolicity.gap > 0.0 else "",
+        layer if found.gap > 0.0 else "",
         _reduced_start(analysis, setter),
     )
 
@@ -275,7 +279,7 @@ def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
         ]
         return Markup(
             "The reduced run starts at the base point of the fast fibre through the start: {}{}."
-        ).format(_place(analysis.base, setter), Markup("").join(off))
+        ).format(_place(analysis.base, analysis, setter), Markup("").join(off))
     return Markup(
         "The reduced run starts over the same slow variables ({}), so an offset of order {} may remain."
     ).format(analysis.base_reason, _epsilon(analysis, setter))
@@ -303,9 +307,14 @@ def _at(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup("{} = {}").format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
 
 
-def _place(point: Mapping[str, float], setter: Typesetter, digits: int = 3) -> Markup:
+def _place(point: Mapping[str, float], analysis: Analysis, setter: Typesetter, digits: int = 3) -> Markup:
+    """A point in the region, to so many digits or as many more as the ends of the region take to be told apart."""
+    region = analysis.scene.region
     return Markup(", ").join(
-        Markup("{} = {}").format(setter.inline(sp.Symbol(name)), number(value, digits))
+        Markup("{} = {}").format(
+            setter.inline(sp.Symbol(name)),
+            number(value, digits_between(region[name], digits) if name in region else digits),
+        )
         for name, value in point.items()
     )
 

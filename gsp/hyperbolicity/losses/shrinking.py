@@ -13,7 +13,7 @@ from gsp.critical.sampling import Sampler, grid
 from gsp.errors import BranchError
 from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.systems.flow import in_words
-from gsp.systems.region import Interval, with_sides
+from gsp.systems.region import Interval, shown_ends, with_sides
 
 # Share of a part that is left free next to a loss, parts tried, and the least share of the region worth naming.
 MARGIN = 0.02
@@ -35,11 +35,11 @@ class SubRegion:
     through: Mapping[str, float]
 
     def __str__(self) -> str:
-        low, high = self.interval
+        low, high = shown_ends(self.interval)
         sheet = ""
         if self.through:
             sheet = " on the sheet through " + in_words(self.through, 4)
-        return f"for {self.axis} in [{low:.6g}, {high:.6g}]{sheet} ({self.kind})"
+        return f"for {self.axis} in [{low}, {high}]{sheet} ({self.kind})"
 
 
 def largest_sub_region(
