@@ -24,11 +24,10 @@ import sympy as sp
 
 import gsp
 from gsp.errors import GspError
-from gsp.readers.foreign import imported
+from gsp.readers.foreign import WORDS, imported
 from gsp.readers.loading import text_of
 from gsp.readers.toml import parsed, scene_of
 from gsp.readers.xppaut import read_ode
-from gsp.readers.xppaut_order import _NAMES
 
 PROBE, SMALL = "probe_of_the_collection", "epsilon_of_the_collection"
 DT, STEPS = 1e-4, 4
@@ -62,7 +61,7 @@ def ordered(text: str) -> str:
             return
         begun.add(i)
         if i in heads.values():
-            for word in _NAMES.findall(lines[i].lower().partition("=")[2]):
+            for word in WORDS.findall(lines[i].lower().partition("=")[2]):
                 if word in heads:
                     place(heads[word])
         done[i] = None

@@ -193,6 +193,14 @@ def test_every_page_is_in_the_contents_of_the_site() -> None:
     assert names - {"gallery/index", "reference/index"} == pages - {"index"}
 
 
+def test_every_module_of_the_tests_that_a_document_calls_is_imported() -> None:
+    texts = [document.read_text(encoding="utf-8") for document in sorted(ROOT.glob("docs/*.md"))]
+    names = {name for text in texts for name in re.findall(r"python -m (tests[.\w]+)", text)}
+    assert "tests.ode_collection" in names
+    for name in names:
+        importlib.import_module(name)
+
+
 def module_names() -> list[str]:
     return [
         info.name for info in pkgutil.walk_packages(gsp.__path__, "gsp.") if not info.name.endswith("__main__")

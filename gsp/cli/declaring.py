@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from gsp.cli.asking import json_option, output_option
+from gsp.cli.asking import json_option, keep_model, output_option
 from gsp.cli.program import cli
 from gsp.cli.telling import print_json, tell, wrote
-from gsp.errors import GspError
+from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 
 
@@ -38,8 +38,15 @@ def import_(file: Path, small: str | None, output: Path | None, force: bool) -> 
 
     FILE is an .ode file of XPPAUT, SBML (.xml, .sbml) or Antimony (.ant).
     """
-    from gsp.readers.loading import import_model
+    from gsp.readers.loading import FORMATS, import_model
 
+    if output is not None and output.suffix.lower() in FORMATS:
+        raise DeclarationError(
+            f"a file that ends in {output.suffix} is not read as a model file.",
+            "Give a name in .toml.",
+            got=output,
+        )
+    keep_model(str(file), output)
     found = import_model(file, small=small)
     target = output or file.with_suffix(".toml")
     if target.exists() and not force:

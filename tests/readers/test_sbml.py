@@ -599,6 +599,15 @@ def test_the_command_line_imports_tells_and_does_not_write_over(tmp_path: Path) 
         assert isinstance(again.exception, GspError)
         assert "--force" in str(again.exception)
     assert CliRunner().invoke(cli, ["import", str(source), "--force"]).exit_code == 0
+    (tmp_path / "linked.toml").symlink_to(source)
+    for name, told in (
+        ("model.sbml", "in .toml"),
+        ("other.ode", "in .toml"),
+        ("linked.toml", "over the model"),
+    ):
+        lost = CliRunner().invoke(cli, ["import", str(source), "--force", "-o", str(tmp_path / name)])
+        assert told in str(lost.exception)
+    assert source.read_text() == ENZYME
     checked = CliRunner().invoke(cli, ["check", str(source)])
     assert checked.exit_code in (0, 1)
     assert "gsp: conserved: E + C" in checked.stderr
