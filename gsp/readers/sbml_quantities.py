@@ -207,19 +207,23 @@ class Quantities:
 
     def made_of(self, *identifiers: str) -> frozenset[str]:
         """The words of what the values of `identifiers` at the start are worked out of."""
-        found: set[str] = set()
+        found, own = set[str](), set[str]()
         waiting = list(identifiers)
         while waiting:
-            tree = self.initial.get(name := waiting.pop()) or self.assigned.get(name)
+            tree, local = self.initial.get(name := waiting.pop()) or self.assigned.get(name), {}
+            if tree is None and name in self.reactions:
+                tree, local = self.law(name), self.locals[name]
             if tree is not None:
                 parts = set(names_in(tree))
+                own |= {local[part] for part in parts & local.keys()}
+                parts -= local.keys()
             elif name in self.species and self.is_converted(name):
                 parts = {self.species[name].getCompartment()}
             else:
                 parts = set()
             waiting += parts - found
             found |= parts
-        return frozenset(self.words[part] for part in found if part in self.words)
+        return frozenset(own | {self.words[part] for part in found if part in self.words})
 
     def is_converted(self, identifier: str) -> bool:
         """Whether the value of a species at the start is given as an amount and is a concentration, or the reverse."""

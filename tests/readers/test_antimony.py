@@ -122,6 +122,8 @@ def test_rounded_numbers_are_told(tmp_path: Path) -> None:
         ),
         ("S1 -> S2; k1*S1 - k2*S2; S1 = 8; S2 = 2; k1=0.1; k2=k1*2", "k1", "k2"),
         ("compartment c=2; species $A in c; A=c*3; x'=A-x; x=1", "c", "A"),
+        ("R: A -> ; k*A; A=1; k=0.3; z=2*R; x'=z; x=0", "k", "z"),
+        ("R: A -> ; g*A; A=1; g:=2*k; k=0.3; z=2*R; x'=z; x=0", "k", "z"),
     ],
 )
 def test_a_value_is_not_changed_without_what_the_file_works_out_of_it(

@@ -276,8 +276,9 @@ def test_rules_assignments_functions_and_local_parameters(tmp_path: Path) -> Non
         "A": -A / 40,
         "t": 1,
     }
-    # r at the start is 0.1*1*0.5.
+    # r at the start is 0.1*1*0.5, made of its own k and not of the other one.
     assert dict(scene.start) == {"x": 0.8, "z": 2.0, "A": 1.0, "t": 0.0}
+    assert scene.worked_out == {"start": ("the start of x",), "r_k": ("the start of x",)}
 
 
 def test_a_function_may_have_any_name_and_arguments_of_that_name(tmp_path: Path) -> None:
