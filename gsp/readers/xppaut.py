@@ -36,6 +36,8 @@ NAMES = 4000
 
 # Settings of which XPPAUT takes the number that they begin with.
 _NUMBERS = ("total", "t0", "xlo", "xhi", "ylo", "yhi")
+# First letters of the methods that take the rates for a flow; with any other XPPAUT iterates them as a map.
+_FLOWS = "abceglmqrsvy258"
 _SETTING = re.compile(rf"({WORD})\s*=\s*([^\s,]+)")
 _VALUE = re.compile(rf"({WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")
 _TOKENS = re.compile(r"[a-z0-9_.]+|[^\sa-z0-9_.]")
@@ -173,6 +175,13 @@ def _take(file: _File, number: int, statement: Statement) -> None:
     match kind:
         case LineKind.SETTINGS:
             found = dict(_SETTING.findall(text))
+            for key, value in found.items():
+                if key.startswith("meth") and value[0] not in _FLOWS:
+                    fail(
+                        number,
+                        f"{key}={value[:40]} makes a map of the rates, which is no flow",
+                        "Give rates of a flow.",
+                    )
             file.settings |= {
                 key: number_at(value) if key in _NUMBERS else value for key, value in found.items()
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import shutil
@@ -81,6 +82,8 @@ def test_time_stays_the_files_own_where_no_rate_has_a_pole() -> None:
         ("wiener n\nz'=n", "line 4: wiener is noise"),
         ("volt u=int{x}", "line 4: volt is an integral equation"),
         ("u(t+1)=2", "line 4: a difference or integral equation"),
+        ("@ total=9, METH=Discrete", "line 4: meth=discrete makes a map of the rates"),
+        ("@ method=0", "line 4: method=0 makes a map of the rates"),
         ("special k=conv(even,5,2,w,x)", "line 4: special"),
         ("#include other.ode", "line 4: #include is another file"),
         ("z'=delay(x,2)", "line 4: delay is a delay"),
@@ -114,6 +117,18 @@ def test_what_is_not_read_is_refused_by_name(tmp_path: Path, line: str, words: s
     message = str(caught.value)
     assert message.startswith("model.ode: ")
     assert words in message or (words == "line 4" and "means nothing" in message), message
+
+
+@pytest.mark.parametrize(
+    ("method", "flows"), [("discrete", False), ("f", False), ("gear", True), ("5dp", True)]
+)
+def test_a_method_that_xppaut_iterates_as_a_map_is_refused(method: str, flows: bool) -> None:
+    """x' = 3 x (1 - x) from 0.2 takes a map to 0.48 in a step."""
+    text = f"x'=3*x*(1-x)\ninit x=.2\n@ meth={method},total=1,nout=1\n"
+    rows, _ = xppaut.run(text)
+    assert (abs(rows[1, 1] - 0.48) > 0.01) == flows
+    with contextlib.nullcontext() if flows else pytest.raises(ModelFileError, match="a map of the rates"):
+        read_ode(text)
 
 
 @pytest.mark.parametrize(
