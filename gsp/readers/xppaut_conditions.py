@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import reduce
+from typing import NamedTuple
 
 from gsp.errors import ModelFileError
 from gsp.readers import conditions
@@ -31,6 +32,14 @@ def without_conditions(text: str, *, positive: Callable[[], str]) -> str:
     return _ConditionReader([match[1] for match in _TOKENS.finditer(text)], positive).whole()
 
 
+class _Item(NamedTuple):
+    """What it becomes here, whether it is a condition, and how the file writes it."""
+
+    text: str
+    is_condition: bool
+    written: str
+
+
 class _ConditionReader:
     """One pass over the words of an expression."""
 
@@ -50,17 +59,19 @@ class _ConditionReader:
 
     def part(self) -> tuple[str, bool]:
         """What stands up to a comma, a closing parenthesis or the end, and whether it is a condition."""
-        items: list[tuple[str, bool]] = []
+        items: list[_Item] = []
         while self.next() not in ("", ",", ")"):
-            items.append(self.item())
+            begin = self.at
+            text, is_condition = self.item()
+            items.append(_Item(text, is_condition, "".join(self.words[begin : self.at])))
         for operator in _JOINED:
-            if (operator, False) in items:
+            if any(item.text == operator for item in items):
                 return self.joined(items, operator), True
-        if any(text in _COMPARED for text, _ in items):
+        if any(item.text in _COMPARED for item in items):
             return self.compared(items), True
         if len(items) == 1:
-            return items[0]
-        return "".join(text for text, _ in items), False
+            return items[0][:2]
+        return "".join(item.text for item in items), False
 
     def item(self) -> tuple[str, bool]:
         word = self.words[self.at]
@@ -114,33 +125,36 @@ class _ConditionReader:
     def truth(text: str, is_condition: bool) -> str:
         return text if is_condition else conditions.truth(text)
 
-    def compared(self, items: list[tuple[str, bool]]) -> str:
-        texts = [text for text, _ in items]
+    def compared(self, items: list[_Item]) -> str:
+        texts = [item.text for item in items]
         if len(texts) != 3 or texts[1] not in _COMPARED or texts[0] in _OPERATORS or texts[2] in _OPERATORS:
             raise ModelFileError(
-                f"{' '.join(texts)[:80]!r} reads differently in XPPAUT from what it looks like: a comparison "
+                f"{_shown(items)!r} reads differently in XPPAUT from what it looks like: a comparison "
                 "binds more tightly there than a sum, a product or a sign.",
                 "Put parentheses: (v+40)>0, v>(-40).",
             )
         return conditions.compared(texts[1], texts[0], texts[2], positive=self.positive())
 
-    def joined(self, items: list[tuple[str, bool]], operator: str) -> str:
-        pieces: list[list[tuple[str, bool]]] = [[]]
+    def joined(self, items: list[_Item], operator: str) -> str:
+        pieces: list[list[_Item]] = [[]]
         for item in items:
-            if item == (operator, False):
+            if item.text == operator:
                 pieces.append([])
             else:
                 pieces[-1].append(item)
         join = conditions.both if operator == "&" else conditions.either
         texts = []
         for piece in pieces:
-            if any(text in _COMPARED for text, _ in piece) and not any(text in _JOINED for text, _ in piece):
+            if {*_COMPARED} & (words := {item.text for item in piece}) and not {*_JOINED} & words:
                 texts.append(self.compared(piece))
             elif len(piece) == 1:
-                texts.append(self.truth(*piece[0]))
+                texts.append(self.truth(*piece[0][:2]))
             else:
-                shown = " ".join(text for text, _ in items)[:80]
                 raise ModelFileError(
-                    f"{shown!r} has & or | beside other operators.", "Put parentheses around each side."
+                    f"{_shown(items)!r} has & or | beside other operators.", "Put parentheses around each side."
                 )
         return reduce(join, texts)
+
+
+def _shown(items: list[_Item]) -> str:
+    return " ".join(item.written for item in items)[:80]

@@ -90,6 +90,8 @@ def test_time_stays_the_files_own_where_no_rate_has_a_pole() -> None:
         ("z'=ran(1)", "line 4: ran is noise"),
         ("z'=x+1>2", "line 4: 'x + 1 > 2' reads differently in XPPAUT"),
         ("z'=x&y+1", "line 4: 'x & y + 1' has & or |"),
+        ("z'=(x>1)*2&heav(y-1)", "line 4: '(x>1) * 2 & heav(y-1)' has & or |"),
+        ("z'=heav(x-1)+1>2", "line 4: 'heav(x-1) + 1 > 2' reads differently"),
         ("z'=if(x>1)then(1)", "line 4: if is written if(condition)then(value)else(value)"),
         ("z'=2^x^2", "line 4: a power of a power"),
         ("z'=(1+x)^x^2", "line 4: a power of a power"),
