@@ -133,6 +133,8 @@ def judged(file: Path) -> tuple[str, str]:
         return "agrees", ""
     if not np.isfinite(found).all() and not np.isfinite(mine).all():
         return "agrees", "both have no number"
+    if not np.isfinite(found).all() or not np.isfinite(mine).all():
+        return "differs", "one of the two has no number"
     return "differs", f"by {np.nanmax(gap / (size + 1e-12)):.2g} of state {int(np.nanargmax(gap.max(axis=0)))}"
 
 
