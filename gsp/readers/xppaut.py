@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from gsp.errors import ModelFileError, met_at
-from gsp.readers.expressions import CHARACTERS
+from gsp.readers.expressions import CHARACTERS, FUNCTIONS
 from gsp.readers.foreign import WORDS, ForeignModel, counted, fresh_name, names_in, number_in
 from gsp.readers.xppaut_arrays import WRITTEN, without_sums, written_out
 from gsp.readers.xppaut_conditions import without_conditions
@@ -67,7 +67,7 @@ class _File:
     sets: dict[str, tuple[int, str]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     missing: dict[str, tuple[int, str]] = field(default_factory=dict)
-    passed_over: list[str] = field(default_factory=list)
+    passed_over: dict[str, int] = field(default_factory=dict)
     shortened: list[str] = field(default_factory=list)
 
 
@@ -90,6 +90,13 @@ def read_ode(text: str) -> ForeignModel:
 
     bodies = {name: text for name, (_, _, text) in file.definitions.items()}
     live = names_in((text for _, text in file.states.values()), bodies)
+    arguments = {word for _, words, _ in file.definitions.values() for word in words}
+    for text, number in file.passed_over.items():
+        name = text.partition(" ")[0]
+        if name in live - own - arguments - {"t", *FUNCTIONS} and "=" in text:
+            fail(
+                number, f"XPPAUT passes over {text[:40]!r}, and a rate uses {name}", "Write it without blanks."
+            )
     for name, (number, reason) in file.missing.items():
         if name in live:
             fail(number, reason, "Remove it.")
@@ -212,7 +219,7 @@ def _take(file: _File, number: int, statement: Statement) -> None:
         case LineKind.SET | LineKind.LEFT_OUT:
             file.left_out.append(f"{name} (line {number})")
         case _ if text[0] != "%":
-            file.passed_over.append(f"{text[:40]!r} (line {number})")
+            file.passed_over.setdefault(text, number)
 
 
 def _plain(name: str, taken: Collection[str]) -> str:
@@ -226,7 +233,7 @@ def _assign(file: _File, table: dict[str, str], text: str, number: int, what: st
     """Take name=value: of a value XPPAUT takes the number that it begins with, and a name alone has 0."""
     for name, value in pieces_of(text):
         if name[0] == "#":
-            file.passed_over.append(f"{name[:40]!r} (line {number})")
+            file.passed_over.setdefault(name, number)
             continue
         given = (value or "").rstrip(";")
         found = number_at(given)
@@ -356,7 +363,8 @@ def _take_notes(file: _File, model: ForeignModel, late: Mapping[str, str]) -> No
     if file.shortened:
         model.notes.append("values that XPPAUT does not take as they stand: " + "; ".join(file.shortened)[:300])
     if file.passed_over:
-        model.notes.append("lines that XPPAUT passes over: " + ", ".join(file.passed_over)[:300])
+        lines = ", ".join(f"{text[:40]!r} (line {number})" for text, number in file.passed_over.items())
+        model.notes.append(f"lines that XPPAUT passes over: {lines[:300]}")
     model.left_out = file.left_out
     known = (*_NUMBERS, "xp", "yp", "zp", "axes")
     ignored = [key for key in file.settings if key not in known]

@@ -84,6 +84,7 @@ def test_time_stays_the_files_own_where_no_rate_has_a_pole() -> None:
         ("u(t+1)=2", "line 4: a difference or integral equation"),
         ("@ total=9, METH=Discrete", "line 4: meth=discrete makes a map of the rates"),
         ("@ method=0", "line 4: method=0 makes a map of the rates"),
+        ("f (u) = u^2\nz'=f(x)", "line 4: XPPAUT passes over 'f (u) = u^2', and a rate uses f"),
         ("special k=conv(even,5,2,w,x)", "line 4: special"),
         ("#include other.ode", "line 4: #include is another file"),
         ("z'=delay(x,2)", "line 4: delay is a delay"),
