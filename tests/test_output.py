@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shlex
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from gsp import load
+from gsp.cli import main
 from gsp.cli import program as command
 from gsp.errors import ModelFileError, OutputError, printable
 from gsp.results.files import write_file, write_rows
@@ -74,6 +76,18 @@ def test_closed_standard_output_ends_with_one_line(arguments):
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "standard output is closed" in done.stderr
+
+
+@pytest.mark.parametrize(("encoding", "shown"), [("latin-1", r"mod\u2603.toml"), ("utf-8", r"mod☃.toml")])
+def test_a_path_of_any_letters_is_told(encoding: str, shown: str, tmp_path, monkeypatch):
+    source = tmp_path / "mod☃.ode"
+    source.write_text("x'=-x\n")
+    monkeypatch.setattr(sys, "argv", ["gsp", "import", str(source)])
+    monkeypatch.setattr(sys, "stdout", stream := io.TextIOWrapper(io.BytesIO(), encoding=encoding))
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 0
+    assert shown in stream.buffer.getvalue().decode(encoding)
 
 
 @full_disk

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
 import os
 import sys
 import warnings
@@ -98,6 +99,9 @@ def _stop_writing() -> None:
 def main() -> None:
     """Run the command line and exit with its status."""
     warnings.showwarning = _tell
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        # A path may hold what the terminal has no letters for, or bytes that are none.
+        sys.stdout.reconfigure(errors="backslashreplace")
     # Objects made between two looks for cycles. A command makes expressions, which stay, and hardly a cycle:
     # with Python's 700 the looks take 0.8 of the 6 s of a report, with these 0.2 s.
     gc.set_threshold(100_000)
