@@ -25,6 +25,8 @@ SECONDS = 20
 DIGITS = 15
 """Digits of a number that the library writes."""
 
+# What the library calls a model without a name.
+_NAMELESS = "__main"
 _IMPORT = re.compile(r"\bimport\b", re.IGNORECASE)
 # A comment to the end of its line, before which nothing opens or closes a text or a longer comment.
 _COMMENT = re.compile(r"""[^"'*]*(?://|\#)[^"'*]*""")
@@ -86,6 +88,8 @@ def read_antimony(text: str) -> ForeignModel:
             )
     answer = converted(text)
     model = read_sbml(answer["sbml"], origin="an Antimony file")
+    if model.title == _NAMELESS:
+        model.title = ""
     long = [number for number in _NUMBER.findall(text) if significant(number) > DIGITS]
     if long:
         model.notes.append(f"Antimony's library rounds numbers to {DIGITS} digits: {', '.join(long)[:200]}")

@@ -101,6 +101,13 @@ def test_what_is_not_read_is_refused(tmp_path: Path, text: str, words: str) -> N
         read(tmp_path, text)
 
 
+@pytest.mark.parametrize(
+    ("text", "title"), [("S -> ; S; S = 1", ""), ("model *decay() S -> ; S; S = 1; end", "decay")]
+)
+def test_a_model_without_a_name_has_no_title(tmp_path: Path, text: str, title: str) -> None:
+    assert read(tmp_path, text).title == title
+
+
 def test_rounded_numbers_are_told(tmp_path: Path) -> None:
     path = tmp_path / "model.ant"
     path.write_text(ENZYME.replace("k2 = 5", "k2 = 0.12345678901234567"))
