@@ -108,6 +108,12 @@ class LayerProblem:
         """g_yyy at one point, a form in three vectors (n,)."""
         return self._g_yyy.at(u, self._p)
 
+    def bent_slopes(self, u: np.ndarray, j: int) -> np.ndarray:
+        """The second derivatives of g_y (n n,) in the j-th unknown, at one point."""
+        s = self.unknowns[j]
+        slopes = [derivative(g, y) for g in self._rates for y in self.system.y]
+        return self._compiled([derivative(derivative(slope, s), s) for slope in slopes])(u, self._p)
+
     @cached_property
     def _rates(self) -> list[sp.Expr]:
         epsilon = self.system.epsilon
@@ -222,13 +228,15 @@ def natural_scales(
 
     The last is the least size at which a column of g_u or of g_uu weighs as much as the others do, so that scaling
     a variable scales it. It counts also where |u| is nothing beside it but rounding. Where g tells nothing the size is
-    |u| if that is `above` this, or of a fast variable no rounding of the size at which g bends in it alone; else 1, or
-    for several fast variables what balances g_y among them.
+    |u| if that is `above` this, or no rounding of the size at which g bends in a fast variable alone, or g_y changes
+    with a slow one, which is its size else; and 1 for others, or for several fast variables what balances g_y among
+    them.
     """
     names = [s.name for s in problem.unknowns]
     scales = np.array([bounds[n][1] - bounds[n][0] if n in bounds else abs(v) for n, v in zip(names, u)])
     weights = np.abs(problem.jacobian(u))
-    if scales.any() and np.isfinite(weights).all():
+    slow = {s.name for s in problem.system.x} if isinstance(problem, LayerProblem) else set()
+    if np.isfinite(weights).all():
         given = scales.copy()
         for j in (j for j, name in enumerate(names) if name not in bounds):
             others = np.where(np.arange(len(u)) == j, 0.0, given)
@@ -240,8 +248,12 @@ def natural_scales(
             if given[j] <= NOTHING * matters:
                 bent = np.sqrt(_least(2.0 * total, np.abs(problem.second(u)[:, j, j])))
                 matters = min(matters, bent)
-                if matters == np.inf and given[j] > min(above, NOTHING * _size_by_itself(problem, u, j)):
-                    continue
+                if matters == np.inf:
+                    alone = _size_by_itself(problem, u, j)
+                    if given[j] > min(above, NOTHING * alone):
+                        continue
+                    if names[j] in slow:
+                        matters = alone
                 scales[j] = matters if given[j] <= NOTHING * matters else given[j]
     known = (scales > 0.0) & np.isfinite(scales)
     scales = np.where(known, scales, 1.0)
@@ -253,10 +265,18 @@ def natural_scales(
 
 
 def _size_by_itself(problem: Bent, u: np.ndarray, j: int) -> float:
-    """The least size of a fast variable at which a later term of g's series in it weighs as much as the first."""
-    if not isinstance(problem, LayerProblem) or (fast := j - len(u) + len(problem.system.y)) < 0:
+    """The least size of a fast variable at which a later term of g's series in it weighs as much as the first.
+
+    Of a slow one that at which entries of g_y do so.
+    """
+    if not isinstance(problem, LayerProblem):
         return float("inf")
-    along = np.eye(len(problem.system.y))[fast]
+    m = len(u) - len(problem.system.y)
+    if j < m:
+        first, second = (np.abs(of)[:, m:].ravel() for of in (problem.jacobian(u), problem.second(u)[:, j]))
+        third = 0.5 * np.abs(problem.bent_slopes(u, j))
+        return min(_least(first, second), float(np.sqrt(_least(first, third))))
+    along = np.eye(len(problem.system.y))[j - m]
     first, second = np.abs(problem.jacobian(u)[:, j]), 0.5 * np.abs(problem.second(u)[:, j, j])
     third = np.abs(problem.third(u)(along, along, along)) / 6.0
     return (

@@ -45,6 +45,35 @@ def test_a_loss_that_is_passed_is_the_same(name: str, faster: float) -> None:
             assert b.limit == pytest.approx(a.limit, abs=1e-9)
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+@pytest.mark.parametrize(
+    ("rate", "start", "end"),
+    [
+        (x + x**2, -0.5, (3**0.5 - 1) / 2),
+        (x - 1, 0.0, 2.0),
+        (sp.Rational(1, 2) - sp.exp(-x), 0.0, 1.5936242600400401),
+    ],
+)
+def test_an_exit_is_where_it_was_in_any_unit_of_the_slow_variable(
+    rate, start: float, end: float, unit: float
+) -> None:
+    """Also where g vanishes on the branch, so that the eigenvalue alone tells a size of x: a start at 0 has none."""
+    size = sp.nsimplify(unit)
+    system = gsp.SlowFastSystem(slow={x: size}, fast={y: rate.xreplace({x: x / size}) * y}, epsilon=eps)
+    found = gsp.entry_exit(gsp.solve_critical(system).branches[0], start={"x": start * unit})
+    assert found.point["x"] / unit == pytest.approx(end, rel=1e-9)
+
+
+@pytest.mark.parametrize(("slow", "fast"), [(9, -9), (0, -9), (9, 9)])
+def test_orbits_in_extended_precision_hold_their_digits_in_any_units(slow: int, fast: int) -> None:
+    """x' = 1, epsilon y' = x y from -2 to 2: back at its size after falling by exp(-40)."""
+    lengths = sp.Integer(10) ** slow, sp.Integer(10) ** fast
+    system = gsp.SlowFastSystem(slow={x: lengths[0]}, fast={y: x / lengths[0] * y}, epsilon=eps)
+    begin = {"x": -2 * lengths[0], "y": lengths[1]}
+    found = gsp.follow(system, start=begin, span=(0, 4), epsilon=sp.Rational(1, 20), digits=30)
+    assert float(found.end["y"] / lengths[1] - 1) == pytest.approx(0.0, abs=1e-12)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [-6, 6])
 def test_a_singular_orbit_lasts_as_long(power: int) -> None:

@@ -175,12 +175,13 @@ class _Taylor:
         self._series(state, order=0)
         watched = {name: [_double(self._coefficients(node)[0])] for name, node in self.watch.items()}
         status, met, steps, ahead = Status.TOO_MANY_STEPS, False, 0, state
-        exponent = -self.digits - 5
+        sizes, exponent = [flint.arb(0)] * len(state), -self.digits - 5
         # Steps of one orbit at most.
         while steps < 20000:
             steps += 1
             series = self._series(state)
-            h = direction * self._step(series, state, exponent)
+            sizes = [max(size, abs(v.mid())) for size, v in zip(sizes, state)]
+            h = direction * self._step(series, sizes, exponent)
             remaining = (stops[0] - t).mid()
             arrived = bool(abs(h) >= abs(remaining))
             h = remaining if arrived else h
@@ -233,16 +234,18 @@ class _Taylor:
         self.program.extend(top)
         return [[c[0] for c in self.inputs[s]] for s in symbols]
 
-    def _step(self, series: list[list[Any]], state: list[Any], exponent: int) -> Any:
-        """Where the last two terms fall to 10^exponent of the state's size."""
-        size = max(1.0, *(abs(_double(v)) for v in state))
+    def _step(self, series: list[list[Any]], sizes: list[Any], exponent: int) -> Any:
+        """Where the last two terms of each state fall to 10^exponent of its size, or of how far it moves in the step.
+
+        Sizes are the largest so far: a deviation that falls is known to those of its beginning.
+        """
         best = float("inf")
-        for k in (self.order - 1, self.order):
-            for row in series:
-                term = abs(row[k].mid())
-                if term > 0:
-                    log10 = float((term / size).log().mid()) / float(np.log(10.0))
-                    best = min(best, 10.0 ** min((exponent - log10) / k, 300.0))
+        for row, size in zip(series, sizes):
+            first = next((j for j in range(1, self.order) if row[j].mid() != 0), self.order)
+            for k in (k for k in (self.order - 1, self.order) if k > first and row[k].mid() != 0):
+                ratios = {j: abs(a / row[k]).mid() for j, a in ((0, size), (first, row[first])) if a != 0}
+                shares = [(exponent + float(r.log().mid()) / np.log(10.0)) / (k - j) for j, r in ratios.items()]
+                best = min(best, 10.0 ** min(max(shares), 300.0))
         return flint.arb(0.9 * best if np.isfinite(best) else 1e300)
 
     def _event(self, h: Any) -> Any | None:
