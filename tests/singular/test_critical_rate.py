@@ -56,6 +56,42 @@ def test_a_linear_ramp_without_end_tips_at_mu(m: float) -> None:
     assert back.verdict is TippingVerdict.NEVER
 
 
+u = sp.Symbol("u")
+
+
+@pytest.mark.parametrize("unit", [1, sp.Rational(1, 10**9), 10**9])
+@pytest.mark.parametrize(
+    ("f", "rate"),
+    [
+        (-sp.sin(u), 1.0),
+        (-u * sp.exp(-u), np.exp(-1)),
+        (-sp.tanh(u) + u / 4, np.sqrt(0.75) - np.arccosh(2.0) / 4),
+        # The rest point goes to infinity there.
+        (-u / (1 + u), 1.0),
+        (-2 * sp.tanh(u), 2.0),
+        # It meets no other: f only bends at u = 1, has a pole there, falls for ever, and ends.
+        (-((u - 1) ** 3) - 1, None),
+        (1 - 1 / (1 - u) ** 2, None),
+        (-sp.log(1 + u), None),
+        (sp.sqrt(1 - u) - 1, None),
+    ],
+)
+def test_a_ramp_without_end_tips_where_the_rest_point_of_its_frame_is_lost(f, rate: float | None, unit) -> None:
+    """In any units, in which places where functions turn are as far apart; 7 units from the origin."""
+    moved = gsp.VectorField({x: unit * f.xreplace({u: (x + l) / unit - 7})}, epsilon=None, parameters={l: 0})
+    found = gsp.critical_rate(moved, ramp={l: 1}, start={"x": 7 * float(unit), "l": 0})
+    assert found.verdict is (TippingVerdict.NEVER if rate is None else TippingVerdict.ABOVE)
+    assert found.rate == (rate if rate is None else pytest.approx(rate * float(unit), rel=1e-13))
+
+
+def test_a_bump_far_away_is_not_missed_where_algebra_tells_it() -> None:
+    """-u + 3000/(1 + (u - 1000)^2) turns within 20 of u = 1000."""
+    f = -u + 3000 / (1 + (u - 1000) ** 2)
+    moved = gsp.VectorField({x: f.xreplace({u: x + l})}, epsilon=None, parameters={l: 0})
+    found = gsp.critical_rate(moved, ramp={l: 1}, start={"x": 0.003, "l": 0})
+    assert found.rate == pytest.approx(-float(f.subs(u, 981.865537882956)), rel=1e-13)
+
+
 def test_a_long_linear_ramp_is_near_the_one_without_end() -> None:
     """u' = u^2 - 1 + r from -1 to 1 takes the time 2 atan(1/w)/w, w^2 = r - 1: that of the ramp, L/r."""
     length = 20.0

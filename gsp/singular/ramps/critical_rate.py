@@ -16,6 +16,7 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.singular.ramps import level, one_state, section
 from gsp.singular.ramps.connection import Connection
+from gsp.singular.ramps.moving_frame import moving_frame
 from gsp.singular.ramps.ramp_run import RampRun, run_ramp
 from gsp.singular.ramps.ramped import Place, Ramped, RampError
 from gsp.systems.arguments import check_noun, check_number, shown
@@ -172,12 +173,12 @@ def critical_rate(
         )
     named = _named(given, begin)
     if last is None:
-        rate = one_state.moving_frame(given, begin)
-        if rate is None:
+        lost = moving_frame(given, begin)
+        if lost is None:
             text = "the rest point of the moving frame meets no other"
             return CriticalRate(TippingVerdict.NEVER, (), (), (), named, None, text, False, given)
-        text, error = "two rest points of the moving frame meet there", 4.0 * np.finfo(float).eps * rate
-        return CriticalRate(TippingVerdict.ABOVE, (rate,), (error,), (), named, None, text, False, given)
+        rates, errors = (lost.rate,), (lost.error,)
+        return CriticalRate(TippingVerdict.ABOVE, rates, errors, (), named, None, lost.message, False, given)
     given.check_way(begin.x)
     way = given.followed(begin, last.s)
     if not np.isfinite(last.x).all():

@@ -1,4 +1,4 @@
-"""Critical rates of one state: connections found by Newton's method from several guesses, and ramps without end."""
+"""Critical rates of one state: connections found by Newton's method from several guesses."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ from itertools import product
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative
-from gsp.algebra.laurent import vanishes
 from gsp.integration.trajectory import trajectory_of
 from gsp.singular.ramps.connection import SAME, Connection, RampEnds, connection
-from gsp.singular.ramps.ramped import SHORTEST, Place, Ramped, RampError
-from gsp.singular.singularities.located_points import locate
+from gsp.singular.ramps.ramped import SHORTEST, Place, Ramped
 from gsp.systems.system import VectorField
 
 # Newton's method starts at these shares of the rate at which the ramp is as fast as the field.
@@ -110,32 +107,3 @@ def _shapes(way: list[Place], back: list[Place], number: int) -> list[np.ndarray
 def _through(places: np.ndarray, at: np.ndarray) -> np.ndarray:
     """x at s along straight lines between `places` (k, 2) of (s, x)."""
     return np.interp(at, *places[np.argsort(places[:, 0])].T)
-
-
-def moving_frame(given: Ramped, begin: Place) -> float | None:
-    """The rate of a ramp without end: in u = x + c s, u' = f(u) + c r rho, rest points of start and edge meet there.
-
-    None where they do not. Raises `RampError` unless the field is a function of u and rho a number.
-    """
-    (f,), (x,), p = given.field.rates, given.field.states, given.ramp.phase
-    f, rho = f.xreplace(given.kept), given.ramp.profile.xreplace(given.kept)
-    slopes = derivative(f, x), derivative(f, p)
-    c = sp.cancel(slopes[1] / slopes[0])
-    if not (c.is_number and rho.is_number) or not vanishes(slopes[1] - c * slopes[0]):
-        raise RampError(
-            "a ramp without an end has a critical rate where the field is the same in a moving frame only.",
-            "Give its end as edge={...}, or make f a function of x + c l.",
-            got=f"f_{p}/f_{x} = {c}",
-        )
-    # At s = 0 the state is u.
-    u, push = float(begin.x[0] + float(c) * begin.s), float(c * rho)
-    frame = f.xreplace({p: sp.Integer(0)})
-    starts = [[u + np.sign(push) * 2.0**k] for k in range(-10, 11)]
-    turning = sorted(
-        (point.numbers()[x] - u) * np.sign(push)
-        for point in (locate([derivative(frame, x)], [x], starts=starts) if push else [])
-    )
-    ahead = [distance for distance in turning if distance > 0.0]
-    if not ahead:
-        return None
-    return -float(sp.N(frame.xreplace({x: sp.Float(u + np.sign(push) * ahead[0], 30)}), 20)) / push
