@@ -275,6 +275,17 @@ def test_a_ramp_there_and_back_past_one_fold_of_two_leaves_its_branch() -> None:
     assert "edge x = 0, l = 0" in str(found)
 
 
+@pytest.mark.parametrize("origin", [0, 5, -1000])
+def test_a_ramp_there_and_back_past_both_folds_comes_back_from_any_origin(origin: int) -> None:
+    """x' = 4 l x^2/(1 + x^2) - x + l/10 rests at 0 alone without l, also where that is written as 0."""
+    X = x - origin
+    found = gsp.critical_rate(
+        gsp.VectorField({x: 4 * l * X**2 / (1 + X**2) - X + l / 10}, epsilon=None, parameters={l: 0}),
+        ramp=gsp.Ramp.there_and_back({l: (0, 1)}), start={"x": origin}, edge={"x": origin + 1},
+    )  # fmt: skip
+    assert found.verdict is TippingVerdict.NEVER
+
+
 def test_a_ramp_without_end_tells_its_start() -> None:
     field = gsp.VectorField({x: (x + l) ** 2 - 1}, epsilon=None, parameters={l: 0})
     assert "start x = -1, l = 0" in str(gsp.critical_rate(field, ramp=gsp.Ramp.linear({l: 0}), start={"x": -1}))

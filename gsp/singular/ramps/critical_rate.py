@@ -193,7 +193,7 @@ def critical_rate(
     if saddle is None:
         if way[-1].s != last.s and len(begin.x) == 1:
             nothing = "there is no edge state where the ramp ends"
-            if abs(one_state.slow_end(given, way, last.s) - begin.x[0]) <= one_state.RETURNED * abs(begin.x[0]):
+            if one_state.comes_back(given, way, last.s):
                 text = f"the branch of the start ends in a fold on the way, slow ramps come back to it, and {nothing}"
                 return CriticalRate(TippingVerdict.NEVER, (), (), (), named, None, text, False, given)
             text = f"the branch of the start ends in a fold on the way, and {nothing}"

@@ -9,13 +9,14 @@ import numpy as np
 import sympy as sp
 
 from gsp.integration.trajectory import trajectory_of
+from gsp.roots import ROUNDING
 from gsp.singular.ramps.connection import SAME, Connection, RampEnds, connection
 from gsp.singular.ramps.ramped import SHORTEST, Place, Ramped
 from gsp.systems.system import VectorField
 
 # Newton's method starts at these shares of the rate at which the ramp is as fast as the field.
 SHARES = np.logspace(-2.0, 2.0, 9)
-# A rest point that is followed away and back is found again to this share of it.
+# A rest point that is followed away and back is found again to this share of the way.
 RETURNED = 1e-9
 # Tolerance of a run to the next branch.
 RTOL = 1e-8
@@ -42,6 +43,13 @@ def slow_end(given: Ramped, way: list[Place], last: float) -> float:
             return x
         way = given.followed(Place(s, np.array([x])), last)
     return float(way[-1].x[0])
+
+
+def comes_back(given: Ramped, way: list[Place], last: float) -> bool:
+    """Whether slow ramps that leave their branch end where they began."""
+    begin, moved = way[0].x[0], np.ptp([place.x[0] for place in way])
+    # Both are known to what Newton's method leaves of them.
+    return bool(abs(slow_end(given, way, last) - begin) <= RETURNED * moved + 8.0 * ROUNDING * abs(begin))
 
 
 def _next_rest(given: Ramped, begin: Place, s: float) -> float:
