@@ -3,6 +3,7 @@
 import dataclasses
 from fractions import Fraction
 
+import numpy as np
 import pytest
 import sympy as sp
 
@@ -282,7 +283,7 @@ def test_the_nearest_canard_point_is_taken_and_the_others_are_listed() -> None:
     [
         (y - x, a - x, "no fold at a finite point"),
         # Newton's method looks for a fold from hundreds of starts.
-        pytest.param(y - sp.exp(-x), a - x, "no fold at a finite point", marks=pytest.mark.exhaustive),
+        pytest.param(y - sp.exp(-x), a - x, "no fold was found", marks=pytest.mark.exhaustive),
         (y, a - x, "does not depend on x"),
         (y - x**3, a - x, "a cusp"),
         (y - x**2, 1 + a**2, "jump point"),
@@ -365,6 +366,29 @@ UNITS = {
     "all": (7 * v - 300, 3 - 20 * w),
     "gate bent": (v, w + w**3),
 }
+
+
+@pytest.mark.parametrize("size", [R(1, 10**9), 10**9])
+@pytest.mark.parametrize("near", [None, {"x": 1.0}])
+def test_of_two_canard_points_in_a_unit_of_all_states_the_nearest_is_taken(size, near) -> None:
+    """Folds of w = v - 2 tanh v are where cosh v = sqrt 2, so at a = asinh 1 and -asinh 1."""
+    saturating = planar(y + 2 * size * sp.tanh(x / size) - x, a - x, a=size)
+    place = near and {name: value * float(size) for name, value in near.items()}
+    found = canard_value(saturating, parameter=a, order=1, near=place)
+    assert [float(c / size) for c in found.coefficients] == pytest.approx(
+        [np.arcsinh(1), 2**0.5 / 8], rel=1e-12
+    )
+    assert [float(point["a"] / size) for point in found.others] == pytest.approx([-np.arcsinh(1)], rel=1e-12)
+
+
+@pytest.mark.exhaustive
+def test_what_newtons_method_did_not_find_is_not_said_to_be_nowhere() -> None:
+    away = planar(y + 2 * sp.tanh(x - 300) - x + 300, a - x, a=300)
+    with pytest.raises(CanardError, match="no fold was found"):
+        canard_value(away, parameter=a)
+    assert float(canard_value(away, parameter=a, order=0, near={"x": 301}).coefficients[0]) == pytest.approx(
+        300 + np.arcsinh(1), rel=1e-13
+    )
 
 
 @pytest.mark.exhaustive

@@ -13,20 +13,22 @@ attracting to the repelling side; with the other sign it crosses back, for every
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.functions import are_rational
 from gsp.algebra.laurent import laurent, vanishes
 from gsp.algebra.switching_functions import switches
 from gsp.errors import DeclarationError, GspError
 from gsp.singular.singularities.canard_series import PlanarField
 from gsp.singular.singularities.fold_starts import fold_starts
-from gsp.singular.singularities.located_points import Located, locate
+from gsp.singular.singularities.located_points import Located, locate, with_slopes
 from gsp.systems.arguments import check_noun, shown
 from gsp.systems.flow import Point, values_by_name
 from gsp.systems.system import SlowFastSystem
@@ -90,18 +92,17 @@ def canard_point(
         if name not in known:
             raise DeclarationError.none_of(known, name, f'near names "{name}".', "It takes")
     candidates = _candidates(field, declared, target)
-    if target is None:
-        good = [c for c in candidates if not c.fault]
-        pool = good or candidates
-        pool.sort(key=lambda c: (round(abs(_number(c, field.a) - float(declared)), 12), -_number(c, field.a)))
-    else:
-        pool = sorted(
-            candidates,
-            key=lambda c: sum(
-                (c.located.numbers()[s] - target[s.name]) ** 2 for s in field.symbols if s.name in target
-            ),
-        )
-    chosen = pool[0]
+    given = {field.a.name: float(declared)} if target is None else target
+    wanted = {s: given[s.name] for s in field.symbols if s.name in given}
+    # In these units of each, distances do not depend on those of the system.
+    units = {s: max(abs(v), *(abs(_number(c, s)) for c in candidates)) or 1.0 for s, v in wanted.items()}
+
+    def rank(c: CanardPoint) -> tuple[float, float]:
+        apart = sum(((_number(c, s) - v) / units[s]) ** 2 for s, v in wanted.items())
+        return round(apart**0.5, 12), -_number(c, field.a)
+
+    good = [c for c in candidates if not c.fault] if target is None else []
+    chosen = min(good or candidates, key=rank)
     if chosen.fault:
         raise CanardError(chosen.fault)
     return chosen, tuple(c for c in candidates if not c.fault and c is not chosen)
@@ -132,13 +133,17 @@ def _candidates(
     known_values = target or {}
     axes = [[known_values[s.name]] if s.name in known_values else STARTS for s in (x, y, a)]
     levels = {float(declared), known_values.get(a.name, float(declared))}
-    starts: Iterable[Sequence[float]] = itertools.chain(
-        itertools.product(*axes) if known_values else (),
-        *(fold_starts(g0, x, y, a, level) for level in sorted(levels)),
-        itertools.product(STARTS, STARTS, sorted({*levels, *STARTS})),
-    )
+    folds = [start for level in sorted(levels) for start in fold_starts(g0, x, y, a, level)]
+    places = [*folds, [known_values.get(s.name, 0.0) for s in (x, y, a)]]
+    units = _units((g0, f0), (x, y, a), places)
+    starts: list[Sequence[float]] = [
+        *(itertools.product(*axes) if known_values else ()),
+        *folds,
+        *itertools.product(STARTS, STARTS, sorted({*levels, *STARTS})),
+        *(np.array(list(itertools.product(STARTS, repeat=3))) * units if (units != 1.0).any() else ()),
+    ]
     try:
-        points = locate((*fold, f0), (x, y, a), starts=starts)
+        points = locate((*fold, f0), (x, y, a), starts=starts, units=units)
     except InfinitelyManyPoints:
         raise CanardError(
             f"{a} does not move the equilibrium across the fold: g = g_{y} = f = 0 along a whole curve.",
@@ -148,6 +153,20 @@ def _candidates(
     if not points:
         _explain_none(field, fold, f0, declared)
     return [_judged(field, f0, g0, located) for located in points]
+
+
+def _units(
+    equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], places: Sequence[Sequence[float]]
+) -> np.ndarray:
+    """Powers of ten, as large as unknowns are at `places` (k, 3), or else as what matters as much in the equations."""
+    at = np.array(places)
+    sizes = np.abs(at).max(axis=0)
+    slopes = np.abs(with_slopes(equations, unknowns)(at[np.argmax((at != 0.0).sum(axis=1))])[1])
+    with np.errstate(all="ignore"):
+        balance = (slopes @ sizes)[:, None] / slopes
+    balance = np.where(np.isfinite(balance) & (balance > 0.0), balance, np.inf).min(axis=0)
+    sizes = np.where(sizes > 0.0, sizes, balance)
+    return 10.0 ** np.round(np.log10(np.where(np.isfinite(sizes), sizes, 1.0)))
 
 
 def _explain_none(
@@ -163,16 +182,25 @@ def _explain_none(
     except InfinitelyManyPoints:
         folds, shown = [None], "a whole curve of points"
     if not folds:
-        raise CanardError(
-            f"there is no fold at a finite point: g = g_{y} = 0 has no real solution found at {a} = "
-            f"{declared}.",
+        known = f"g = g_{y} = 0 has no real solution"
+        fact, remedy = (
+            f"there is no fold at a finite point: {known}",
             "A canard needs a fold of the critical manifold.",
-            got=f"g = {fold[0]}",
+        )
+        if not are_rational((*at, f0)):
+            fact, remedy = "no fold was found", f"Say where to look for one, near={{'{y}': ...}}."
+        raise CanardError(f"{fact} at {a} = {declared}.", remedy, got=f"g = {fold[0]}")
+    got = f"f = {f0}, and at {a} = {declared} the fold {shown}"
+    if not are_rational((*at, f0)):
+        raise CanardError(
+            f"no {a} was found for which the slow rate vanishes at the fold.",
+            f"Say where to look for it, near={{'{y}': ..., '{a}': ...}}; where there is none the fold is a jump point.",
+            got=got,
         )
     raise CanardError(
         f"the fold is a jump point: the slow rate does not vanish there for any real {a}.",
         "Choose a parameter that brings an equilibrium to the fold.",
-        got=f"f = {f0}, and at {a} = {declared} the fold {shown}",
+        got=got,
     )
 
 

@@ -18,17 +18,16 @@ from gsp.singular.singularities.located_points import with_slopes
 def fold_starts(
     g: sp.Expr, x: sp.Symbol, y: sp.Symbol, a: sp.Symbol, declared: float
 ) -> Iterator[tuple[float, float, float]]:
-    """(x, y, a) next to folds {g = g_y = 0} at a = `declared`, x slow and y fast: those met over eight decades of y."""
+    """(x, y, a) next to folds {g = g_y = 0} at a = `declared`, x slow and y fast: those met over many decades of y."""
     here = g.xreplace({a: sp.Rational(declared)})
     slope = derivative(here, x)
     found = _in_plane(here, x, y) if slope.has(x) or slope == 0 else _along(here, slope, x, y)
     return ((u, v, declared) for u, v in found)
 
 
-def _sizes(a_decade: int) -> np.ndarray:
-    # Decades of the sizes of the states at which folds are looked for.
-    low, high = -4, 4
-    sizes = np.logspace(low, high, (high - low) * a_decade + 1)
+def _sizes(a_decade: int, decades: int) -> np.ndarray:
+    """Sizes of a state at which folds are looked for, of both signs, so many `decades` about 1 each way."""
+    sizes = np.logspace(-decades, decades, 2 * decades * a_decade + 1)
     return np.concatenate([-sizes[::-1], [0.0], sizes])
 
 
@@ -36,12 +35,13 @@ def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[t
     """Folds of x = X(y), where g is affine in x: sign changes of g_y on it."""
     graph = -g.xreplace({x: sp.Integer(0)}) / slope
     function = compile_function([graph, derivative(g, y).xreplace({x: graph})], arguments=[y])
-    rows = _sizes(64)
-    signs = np.sign(function(rows[:, None], [0.0])[:, 1])
-    changed = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
+    rows = _sizes(64, 12)
+    values = function(rows[:, None], [0.0])[:, 1]
+    changed = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     found = roots(lambda v: function(v[:, None], [0.0])[:, 1], rows[changed], rows[changed + 1])
-    for v, u in zip(found, function(found[:, None], [0.0])[:, 0]):
-        if np.isfinite(u):
+    for k, v, (u, left) in zip(changed, found, function(found[:, None], [0.0])):
+        # At a pole of X the sign changes through infinity.
+        if np.isfinite(u) and abs(left) <= abs(values[k : k + 2]).max():
             yield float(u), float(v)
 
 
@@ -50,7 +50,7 @@ def _in_plane(g: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, f
     evaluate = with_slopes([g, derivative(g, y)], [x, y])
     known: list[np.ndarray] = []
     # In the plane, where M0 is not solved for the slow variable, one a decade.
-    for start in itertools.product(_sizes(1), repeat=2):
+    for start in itertools.product(_sizes(1, 4), repeat=2):
         u = gauss_newton(evaluate, np.array(start))
         if u is None or any(np.abs(u - v).max() < 1e-6 * (1.0 + np.abs(u).max()) for v in known):
             continue
