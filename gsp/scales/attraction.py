@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
@@ -16,15 +16,15 @@ from gsp.scales.triangular_sets import (
 )
 
 
-def attracts(critical: CriticalPiece, negative: frozenset[int]) -> bool | None:
+def attracts(critical: CriticalPiece) -> bool | None:
     """Whether all r eigenvalues across the manifold have negative real parts; None where signs do not decide it.
 
-    True: at every point of it with positive states and parameters. False: at none. Generators in `negative` stand for
-    negative numbers. Hurwitz's determinants of the characteristic polynomial are looked at on the manifold, which is
+    True: at every point of it with positive states, and parameters of the signs of their values. False: at none.
+    Hurwitz's determinants of the characteristic polynomial are looked at on the manifold, which is
     solved for one variable after another until every coefficient of each has one sign.
     """
     for piece in _ways(critical):
-        signs = _hurwitz_signs(CriticalPiece(critical.whole, critical.ray, piece), negative)
+        signs = _hurwitz_signs(CriticalPiece(critical.whole, critical.ray, piece))
         if -1 in signs:
             return False
         if signs and all(sign == 1 for sign in signs):
@@ -32,7 +32,7 @@ def attracts(critical: CriticalPiece, negative: frozenset[int]) -> bool | None:
     return None
 
 
-def has_positive_points(critical: CriticalPiece, negative: frozenset[int]) -> bool | None:
+def has_positive_points(critical: CriticalPiece) -> bool | None:
     """Whether states and parameters can be positive, or zero, on the manifold; None where signs do not decide it."""
     answer: bool | None = None
     for piece in _ways(critical):
@@ -43,10 +43,10 @@ def has_positive_points(critical: CriticalPiece, negative: frozenset[int]) -> bo
             if v in critical.whole.variables.states and v not in critical.whole.variables.solvable:
                 continue
             parts = coefficients_in(psi, v)
-            below = sign_of(parts[1], negative)
-            top = 0 if 0 not in parts else sign_of(-parts[0], negative)
-            own = -1 if v in negative else 1
-            signs.append(None if top is None or below is None else top * below * own)
+            known = critical.whole.signs
+            below = sign_of(parts[1], known)
+            top = 0 if 0 not in parts else sign_of(-parts[0], known)
+            signs.append(None if top is None or below is None else top * below * (known.get(v, 1) or 1))
         if -1 in signs:
             return False
         # The values of the others may be any where only one is solved for.
@@ -55,30 +55,34 @@ def has_positive_points(critical: CriticalPiece, negative: frozenset[int]) -> bo
     return answer
 
 
-def sign_of(polynomial: Polynomial, negative: frozenset[int]) -> int | None:
-    """1, 0 or -1 where every term has this sign for positive variables, those in `negative` negative; else None."""
+def sign_of(polynomial: Polynomial, signs: Mapping[int, int | None]) -> int | None:
+    """1, 0 or -1 where every term has this sign for generators of the `signs`, positive by default; else None."""
+    others = {i: sign for i, sign in signs.items() if sign != 1}
     found = 0
     for k in range(len(polynomial)):
         sign = 1 if polynomial.coefficient(k) > 0 else -1
-        if negative:
+        if others:
             powers = polynomial.monomial(k)
-            sign *= -1 if sum(int(powers[i]) for i in negative) % 2 else 1
+            there = [own for i, own in others.items() for _ in range(int(powers[i]))]
+            if None in there:
+                return None
+            sign *= (-1) ** len(there)
         if sign * found < 0:
             return None
         found = sign
     return found
 
 
-def _sign(element: RingElement, negative: frozenset[int]) -> int | None:
-    sign = sign_of(element.numerator, negative)
+def _sign(element: RingElement, signs: Mapping[int, int | None]) -> int | None:
+    sign = sign_of(element.numerator, signs)
     for i, exponent in enumerate(element.exponents):
         if exponent % 2 and sign is not None:
-            own = sign_of(element.ring.denominators[i], negative)
+            own = sign_of(element.ring.denominators[i], signs)
             sign = None if own is None else sign * own
     return sign
 
 
-def _hurwitz_signs(critical: CriticalPiece, negative: frozenset[int]) -> list[int | None]:
+def _hurwitz_signs(critical: CriticalPiece) -> list[int | None]:
     """Signs of what is positive together when the manifold attracts; none where the field is not defined."""
     r = critical.codimension
     try:
@@ -86,7 +90,8 @@ def _hurwitz_signs(critical: CriticalPiece, negative: frozenset[int]) -> list[in
         a = [critical.sigma(k) * (-1) ** k for k in range(1, r + 1)]
     except HyperbolicityError:
         return []
-    signs = [_sign(e, negative) for e in a]
+    known = critical.whole.signs
+    signs = [_sign(e, known) for e in a]
     if -1 in signs or r < 3:
         return signs
     zero, one = critical.whole.ring.zero, critical.whole.ring.one
@@ -95,7 +100,7 @@ def _hurwitz_signs(critical: CriticalPiece, negative: frozenset[int]) -> list[in
         rows = [
             [padded[2 * i - j + 1] if 0 <= 2 * i - j + 1 <= r else zero for j in range(k)] for i in range(k)
         ]
-        signs.append(_sign(critical.again(determinant(rows)), negative))
+        signs.append(_sign(critical.again(determinant(rows)), known))
     return signs
 
 

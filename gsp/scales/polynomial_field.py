@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 import flint
@@ -67,6 +67,23 @@ class PolynomialField:
         functions = range(min(states))
         kept = [i for p, i in places.items() if p not in self._in_functions and p in self.field.parameters]
         return Variables(frozenset((*functions, *states)), states, tuple(kept))
+
+    @cached_property
+    def signs(self) -> Mapping[int, int | None]:
+        """The signs of parameters and of functions of positive states, by their generators; None where it depends."""
+        signs: dict[int, int | None] = {
+            self.places[p]: -1 if value < 0 else 1 for p, value in self.field.parameters.items()
+        }
+        known = {s: sp.Dummy(positive=True) for s in self.field.states}
+        known |= {
+            p: sp.Dummy(real=True, negative=value < 0, zero=value == 0)
+            for p, value in self.field.parameters.items()
+        }
+        context = self.ring.context
+        for i in range(min(self.places.values())) if self.has_functions else ():
+            function = self.ring.to_sympy(RingElement(self.ring, context.gen(i), ())).xreplace(known)
+            signs[i] = 1 if function.is_positive else -1 if function.is_negative else None
+        return signs
 
     @cached_property
     def _in_functions(self) -> set[sp.Symbol]:

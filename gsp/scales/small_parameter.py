@@ -66,15 +66,10 @@ class SmallParameter(Portable, Card):
         """Whether states can be positive or zero on the manifold; None where signs do not decide it."""
         return self._decided(has_positive_points)
 
-    def _decided(self, verdict: Callable[[CriticalPiece, frozenset[int]], bool | None]) -> bool | None:
+    def _decided(self, verdict: Callable[[CriticalPiece], bool | None]) -> bool | None:
         with self.critical.whole.ring.afresh(SHARE), suppress(BudgetError):
-            return verdict(self.critical, self._negative)
+            return verdict(self.critical)
         return None
-
-    @property
-    def _negative(self) -> frozenset[int]:
-        places = self.critical.whole.places
-        return frozenset(places[p] for p, value in self.original.parameters.items() if value < 0)
 
     @cached_property
     def is_within_reach(self) -> bool:

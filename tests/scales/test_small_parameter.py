@@ -10,6 +10,7 @@ import sympy as sp
 
 from gsp.scales.special_values import small_parameters
 from gsp.splitting.splitting import split
+from gsp.systems.system import VectorField
 from tests.scales.fields import field, michaelis_menten, mutualism, rosenzweig_macarthur, small_of
 
 x, y, z, a, b, k = sp.symbols("x y z a b k")
@@ -61,6 +62,37 @@ def test_what_is_said_of_attraction_holds_at_points(make) -> None:
             assert signs == {each.attracts}
             decided += 1
     assert decided > 5
+
+
+@pytest.mark.parametrize(
+    ("gate", "attracts"),
+    [
+        (sp.sin(x), None),
+        (sp.log(x), None),
+        (sp.tanh(x - 1), None),
+        (sp.tanh(x), True),
+        (sp.exp(-1 / x), True),
+        (sp.log(1 + x), True),
+        # Below exp(-1) the eigenvalue -1 - log x is positive.
+        (1 + sp.log(x), None),
+        (-sp.exp(-x), False),
+        (sp.exp(a * x), True),
+    ],
+)
+def test_a_function_of_positive_states_attracts_where_its_sign_is_known(
+    gate: sp.Expr, attracts: bool | None
+) -> None:
+    slow, fast = k * (1 - x), -gate * (y - x)
+    gated = VectorField({x: slow, y: fast}, parameters={k: 0.01, a: -2})
+    found = small_parameters(gated, vanishing=("k",))
+    assert [each.attracts for each in found] == [attracts]
+
+
+def test_a_logarithm_may_be_of_either_sign() -> None:
+    """y = k log x is positive for x > 1 alone, and has points with positive states."""
+    field = VectorField({x: a * (2 - x), y: k * sp.log(x) - y}, parameters={a: 0.01, k: 1})
+    (found,) = small_parameters(field, vanishing=("a",), kept=("k",))
+    assert (found.attracts, found.is_positive) == (True, None)
 
 
 def test_negative_parameters_are_taken_as_they_are() -> None:
