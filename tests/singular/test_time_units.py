@@ -64,6 +64,15 @@ def test_an_exit_is_where_it_was_in_any_unit_of_the_slow_variable(
     assert found.point["x"] / unit == pytest.approx(end, rel=1e-9)
 
 
+@pytest.mark.parametrize("year", [0, 2020, -10000])
+def test_an_exit_is_as_far_from_the_loss_in_any_year(year: int) -> None:
+    """Loss and exit lie between two nodes of the first panel, which is as long as x is far from 0."""
+    since = x - year
+    system = gsp.SlowFastSystem(slow={x: 1}, fast={y: (since + since**2) * y}, epsilon=eps)
+    found = gsp.entry_exit(gsp.solve_critical(system).branches[0], start={"x": year - 0.5})
+    assert found.point["x"] - year == pytest.approx((3**0.5 - 1) / 2, abs=1e-6)
+
+
 @pytest.mark.parametrize(("slow", "fast"), [(9, -9), (0, -9), (9, 9)])
 def test_orbits_in_extended_precision_hold_their_digits_in_any_units(slow: int, fast: int) -> None:
     """x' = 1, epsilon y' = x y from -2 to 2: back at its size after falling by exp(-40)."""
