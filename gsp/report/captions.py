@@ -240,7 +240,8 @@ def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
         text += " Normal hyperbolicity is lost along the black fold curves."
     if points:
         listed = Markup("; ").join(
-            Markup("{} at {}").format(str(point.kind), _place(point.point, analysis, setter, 6)) for point in points[:4]
+            Markup("{} at {}").format(str(point.kind), _place(point.point, analysis, setter, 6))
+            for point in points[:4]
         )
         text += Markup(" Special points: {}.").format(listed)
     for stop in found.stops if isinstance(found, CriticalCurve) else ():
