@@ -10,7 +10,7 @@ import numpy as np
 from gsp.comparison.comparison import Comparison, compare
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.method_table import MethodTable
-from gsp.comparison.survey import EXPLICIT, Claim, demands_of, reduced_name
+from gsp.comparison.survey import EXPLICIT, NOT_REACHED, Claim, demands_of, reduced_name
 from gsp.comparison.work_precision import WorkPrecision
 from gsp.errors import Status
 from gsp.results.point_verbs import Labels, Record, records
@@ -171,8 +171,6 @@ def _each_order(study: Study, *, orders: tuple[int, ...] = (0, 1, 2, 3), **_: ob
     return {"error": over, "ending": over}
 
 
-# How an order's runs ended, or that the exact algebra did not come to it.
-NOT_REACHED = "ORDER_NOT_REACHED"
 ENDINGS = (*(status.name for status in Status), NOT_REACHED)
 
 
@@ -195,10 +193,10 @@ def _record_of_compare(
 
 def _each_method(study: Study, *, orders: tuple[int, ...] = (0, 1, 2, 3), **_: object) -> Labels:
     names = (*(reduced_name(n) for n in check_orders(orders)), EXPLICIT)
-    return {"measure": {"method": names}, "holds": {"method": names}}
+    return {key: {"method": names} for key in ("measure", "holds", "ending")}
 
 
-@records("failure_map", labels=_each_method)
+@records("failure_map", labels=_each_method, codes={"ending": ENDINGS})
 def _record_of_failure_map(
     study: Study, epsilon: float, tolerance: float, *, orders: tuple[int, ...] = (0, 1, 2, 3)
 ) -> Record:
@@ -206,6 +204,7 @@ def _record_of_failure_map(
     return {
         "measure": [claim.measure[0, 0] for claim in claims],
         "holds": [claim.holds[0, 0] for claim in claims],
+        "ending": [claim.endings[0, 0] for claim in claims if claim.endings is not None],
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from gsp.comparison.compared_runs import sense
 from gsp.comparison.comparison import compare
 from gsp.critical.sampling import Sampler
-from gsp.errors import GspError
+from gsp.errors import GspError, Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_function import finite_rows
@@ -37,6 +37,8 @@ NEWTON = "Newton's method"
 EXPLICIT = "explicit steps"
 IMPLICIT = "implicit steps"
 NO_SLIP = "no-slip"
+# How the runs of an order end that was refused, or that the exact algebra did not come to.
+NOT_REACHED = "ORDER_NOT_REACHED"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,7 +46,8 @@ class Claim:
     """What one method did: `measure` (n_epsilons, n_columns), which holds where it is at most `bound` and finite.
 
     `requirement` says what was measured. NaN stands for "could not be run here", which does not hold; where that is
-    so in every cell, `reason` may say why.
+    so in every cell, `reason` may say why. `endings`, where they are known, are the names of how the
+    run of each cell ended.
     """
 
     method: str
@@ -52,6 +55,7 @@ class Claim:
     measure: np.ndarray
     bound: float | np.ndarray
     reason: str = ""
+    endings: np.ndarray | None = None
 
     @property
     def is_measured(self) -> bool:
@@ -304,6 +308,8 @@ def demands_of(
     errors = {n: np.full(cells, np.nan) for n in orders}
     ratios = np.full(cells, np.nan)
     found, reasons = None, dict.fromkeys(orders, "")
+    endings = {n: np.full(cells, NOT_REACHED, dtype=object) for n in orders}
+    ended = np.full(cells, "", dtype=object)
     try:
         found = compare(
             study,
@@ -321,12 +327,13 @@ def demands_of(
         for n in found.errors:
             by_epsilon = dict(zip(found.epsilons, found.errors[n]))
             errors[n][:] = np.array([by_epsilon[float(e)] for e in epsilons])[:, None]
+            status_at = dict(zip(found.epsilons, found.statuses[n]))
+            endings[n][:] = np.array([status_at[float(e)].name for e in epsilons])[:, None]
     start, span = study.start, study.scene.span
     for i, epsilon in enumerate(epsilons):
         for j, tolerance in enumerate(tolerances):
-            calls = []
-            for method in RIVALS:
-                run = trajectory_of(
+            runs = [
+                trajectory_of(
                     study.system,
                     start=start,
                     span=span,
@@ -335,12 +342,14 @@ def demands_of(
                     atol=absolute_tolerance(tolerance, study.region, start),
                     options=RunOptions(method=method, max_steps=MAX_STEPS),
                 )
-                calls.append(run.stats.field_calls if run.status.ok else np.inf)
-            implicit, explicit = calls
+                for method in RIVALS
+            ]
+            implicit, explicit = (run.stats.field_calls if run.status.ok else np.inf for run in runs)
             ratios[i, j] = explicit / implicit if np.isfinite(implicit) else np.nan
+            ended[i, j] = next((run.status for run in runs if not run.status.ok), Status.SUCCESS).name
         progress(0.5 + 0.5 * (i + 1) / epsilons.size)
     for n in orders:
         text = "largest relative error of the slow variables over the span"
         missing = reasons[n] if np.isnan(errors[n]).all() else ""
-        yield Claim(reduced_name(n), text, errors[n], np.broadcast_to(tolerances, cells), missing)
-    yield Claim(EXPLICIT, "field calls of DOP853 to those of Radau IIA, order 9", ratios, WASTE)
+        yield Claim(reduced_name(n), text, errors[n], np.broadcast_to(tolerances, cells), missing, endings[n])
+    yield Claim(EXPLICIT, "field calls of DOP853 to those of Radau IIA, order 9", ratios, WASTE, endings=ended)

@@ -83,6 +83,18 @@ def test_a_task_that_needs_a_small_parameter_says_so(tmp_path: Path, task: str) 
     assert found.final.values[:, 0] == pytest.approx(np.exp([-1, -2]), rel=1e-5)
 
 
+def test_a_claim_without_a_measure_has_its_cause(tmp_path: Path) -> None:
+    scene = models.load("van_der_pol")
+    over = {"y": (float(scene.start["y"]), -0.5), "epsilon": (0.01,)}
+    data = sweep(
+        "failure_map", model=scene, into=tmp_path, over=over, options={"orders": [0]}, workers=1
+    ).to_xarray()
+    words = data.ending.attrs["flag_meanings"].split()
+    endings = [[words[code] for code in row] for row in data.ending.values[:, 0]]
+    assert endings == [["SUCCESS", "SUCCESS"], ["FOLD_REACHED", "SUCCESS"]]
+    assert np.isnan(data.measure.values[:, 0]).tolist() == [[False, False], [True, False]]
+
+
 def test_an_error_that_is_none_has_its_cause(tmp_path: Path) -> None:
     """Past the fold no reduced run reaches the end; what is recorded comes back with a changed plan too."""
     scene = models.load("van_der_pol")
