@@ -35,17 +35,16 @@ class Angles:
     """The rewriting of sin and cos of sums and multiples by those of `units`, one for each angle."""
 
     def __init__(self, expressions: Iterable[sp.Expr]) -> None:
-        self._divisors: dict[sp.Expr, int] = {}
+        self._sizes: dict[sp.Expr, sp.Rational] = {}
         functions = [f for e in expressions for f in sorted(_plain(e).atoms(sp.sin, sp.cos), key=str)]
         for function in functions:
             for base, coefficient in _terms(function.args[0]):
-                known = self._divisors.get(base, 1)
-                self._divisors[base] = int(sp.ilcm(known, coefficient.q))
+                self._sizes[base] = sp.gcd(self._sizes.get(base, 0), coefficient)
 
     @property
     def units(self) -> list[sp.Expr]:
-        """The single angles; phi/2 when half angles of phi occur."""
-        return [base / divisor for base, divisor in self._divisors.items()]
+        """The single angles; phi/2 when half angles of phi occur, and 18 phi when no other multiple does."""
+        return [size * base for base, size in self._sizes.items()]
 
     def expand(self, expression: sp.Expr) -> sp.Expr:
         """`expression` with every sine and cosine a polynomial in those of the units."""
@@ -61,12 +60,14 @@ class Angles:
         cosine: Any
         sine, cosine = sp.Integer(0), sp.Integer(1)
         for base, coefficient in _terms(argument):
-            divisor = self._divisors[base]
-            times = int(coefficient * divisor)
-            s, c = sp.sin(base / divisor), sp.cos(base / divisor)
-            s = s if times > 0 else -s
-            for _ in range(abs(times)):
-                sine, cosine = sine * c + cosine * s, cosine * c - sine * s
+            size = self._sizes[base]
+            unit, times = size * base, abs(coefficient) / size
+            assert times.is_Integer, f"{argument} is no multiple of {unit}"
+            c = sp.cos(unit)
+            # sin(n u) = sin(u) U_(n-1)(cos(u)), cos(n u) = T_n(cos(u)), Chebyshev's polynomials.
+            s = sp.sign(coefficient) * sp.sin(unit) * sp.chebyshevu(times - 1, c)
+            c = sp.chebyshevt(times, c)
+            sine, cosine = sine * c + cosine * s, cosine * c - sine * s
         return sine, cosine
 
 

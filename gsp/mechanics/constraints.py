@@ -180,8 +180,9 @@ class ConstrainedSystem:
     def virtual_work(self) -> tuple[sp.Expr, ...]:
         """Work of the constraint forces along each vector of the frame of D: zeros (Hypothesis 2.3)."""
         a = len(self.frame.along)
-        algebra = self.system.raw_algebra([*entries(self.frame.forms), *self.offset])
-        forces = [algebra.read(f) for f in self.constraint_forces.values()]
+        pushes = self.constraint_forces.values()
+        algebra = self.system.raw_algebra([*entries(self.frame.forms), *self.offset, *pushes])
+        forces = [algebra.read(f) for f in pushes]
         psi = algebra.inverse(algebra.matrix(self.frame.forms))
         columns = [list(column) for column in zip(*psi)][:a]
         return tuple(algebra.write(e) for e in algebra.apply(columns, forces))

@@ -132,6 +132,27 @@ def test_half_and_double_angles_are_the_same_angle() -> None:
     assert system.euler_lagrange().rates == (xdot, ydot, 0, 0)
 
 
+def test_a_high_harmonic_by_itself_is_an_angle_of_its_own() -> None:
+    """As powers of the cosine of x it takes nine terms, which cancel."""
+    system = LagrangianSystem(xdot**2 / 2 - sp.cos(18 * x) / 18, [x], [xdot])
+    assert system.euler_lagrange().rates == (xdot, sp.sin(18 * x))
+
+
+@pytest.mark.parametrize("multiple", [2, 7, sp.Rational(3, 2), sp.Rational(-5, 3)])
+def test_multiples_of_an_angle_are_chebyshev_polynomials_of_it(multiple: sp.Rational) -> None:
+    L = (1 + sp.cos(x) ** 2) * xdot**2 / 2 - sp.cos(multiple * x) + sp.sin(multiple * x + y) * ydot**2 / 9
+    L += ydot**2 / 2
+    system = LagrangianSystem(L, [x, y], [xdot, ydot])
+    at = {x: sp.Rational(3, 10), y: sp.Rational(-1, 4), xdot: sp.Rational(2, 5), ydot: sp.Rational(1, 3)}
+    q, v = [x, y], [xdot, ydot]
+    mass = [L.diff(u, u) for u in v]
+    push = [L.diff(s) - sum(L.diff(u, r) * w for r, w in zip(q, v)) for s, u in zip(q, v)]
+    expected = [float((f / m).xreplace(at)) for f, m in zip(push, mass)]
+    assert [float(r.xreplace(at)) for r in system.euler_lagrange().rates[2:]] == pytest.approx(
+        expected, rel=1e-12
+    )
+
+
 def test_equations_with_accelerations_vanish_on_the_solution() -> None:
     a = sp.Symbol("a")
     system = LagrangianSystem(m * xdot**2 * (1 + x**2) / 2, [x], [xdot], parameters={m: 2})
