@@ -22,6 +22,7 @@ from gsp.roots import root
 from gsp.sliding.sharpened import sharpened
 from gsp.splitting.switches import without_switches
 from gsp.systems.system import SlowFastSystem, VectorField
+from gsp.systems.tolerances import absolute_tolerance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,15 +58,14 @@ class Flights:
         self._events = {side: Event(sharp.surface, direction=-side, terminal=True) for side in self._flows}
         self._layer = compile_over(system, [laurent(system.g[0], system.epsilon, order=0).get(0, sp.S.Zero)])
 
-    def after(
-        self, point: Mapping[str, float], *, beyond: float, longest: float, rtol: float, atol: float
-    ) -> Flight | None:
+    def after(self, point: Mapping[str, float], *, beyond: float, longest: float, rtol: float) -> Flight | None:
         """The flight of an orbit that leaves M0 at `point` for v = `beyond`; None where it is not back after `longest`,
         in slow time.
         """
         left = point[self._switch.fast.name]
         side = 1 if beyond > left else -1
         state, t = self._on_surface(point), 0.0
+        atol = absolute_tolerance(rtol, {}, state)
         runs: list[Trajectory] = []
         # A flight crosses the surface so often at most.
         while len(runs) < 100:

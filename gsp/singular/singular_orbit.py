@@ -261,7 +261,7 @@ def _flown(
     if flights is None or passage.drop.lands:
         return None
     (fast,) = (y.name for y in passage.system.y)
-    return flights.after(point, beyond=passage.drop.point[fast], longest=longest, rtol=RTOL, atol=ATOL)
+    return flights.after(point, beyond=passage.drop.point[fast], longest=longest, rtol=RTOL)
 
 
 def _landed_on(branch: Branch, point: Point) -> Branch:

@@ -129,3 +129,19 @@ def test_a_flight_comes_down_in_any_unit_of_the_slip() -> None:
     (piece,) = found.cycle
     assert piece.flight is not None
     assert piece.flight.point["v"] == pytest.approx(-61293.186, rel=1e-7)
+
+
+@pytest.mark.parametrize("unit", ["1/10000000000000", "1000000000"])
+def test_a_flight_does_not_depend_on_the_unit_of_length(orbit: SingularOrbit, unit: str) -> None:
+    S = sp.Rational(unit)
+    own = {x: x / S, u: u / S}
+    small = VectorField({s: S * rate.xreplace(own) for s, rate in belt.equations.items()}, epsilon=eps)
+    system = split(small).system
+    assert system is not None
+    start = {"x": 0.5 * float(S), "v": 0.3}
+    found = singular_orbit(solve_critical(system).nearest(start), start, switched=small)
+    assert found.closes
+    (piece,), (plain,) = found.cycle, orbit.cycle
+    assert piece.flight is not None
+    assert plain.flight is not None
+    assert piece.flight.duration == pytest.approx(plain.flight.duration, rel=1e-11)

@@ -561,6 +561,15 @@ def test_shishkovas_exit_at_a_twentieth_in_extended_precision() -> None:
     assert abs(orbit.time - sp.Float("1.02721300772750793745", 25)) < sp.Float("1e-19")
 
 
+def test_an_orbit_is_the_same_with_more_digits() -> None:
+    """On the way to t = 0 the last terms of a series are so small that their balls hold 0."""
+    ends = [
+        follow(SHISHKOVA, start={"t": -2, "x": 0, "y": 0}, span=(0, 2), epsilon="0.01", digits=digits).y[:, -1]
+        for digits in (41, 80)
+    ]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-12)
+
+
 @pytest.mark.exhaustive
 def test_double_precision_leaves_early_where_it_was_predicted_to() -> None:
     _, time = exit_of("0.01")

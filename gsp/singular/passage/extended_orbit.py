@@ -241,9 +241,11 @@ class _Taylor:
         """
         best = float("inf")
         for row, size in zip(series, sizes):
-            first = next((j for j in range(1, self.order) if row[j].mid() != 0), self.order)
-            for k in (k for k in (self.order - 1, self.order) if k > first and row[k].mid() != 0):
-                ratios = {j: abs(a / row[k]).mid() for j, a in ((0, size), (first, row[first])) if a != 0}
+            # Without their radii, within which a term may be 0.
+            terms = [term.mid() for term in row]
+            first = next((j for j in range(1, self.order) if terms[j] != 0), self.order)
+            for k in (k for k in (self.order - 1, self.order) if k > first and terms[k] != 0):
+                ratios = {j: abs(a / terms[k]) for j, a in ((0, size), (first, terms[first])) if a != 0}
                 shares = [(exponent + float(r.log().mid()) / np.log(10.0)) / (k - j) for j, r in ratios.items()]
                 best = min(best, 10.0 ** min(max(shares), 300.0))
         return flint.arb(0.9 * best if np.isfinite(best) else 1e300)
