@@ -95,6 +95,7 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
     from gsp.scales.special_values import small_parameters
     from gsp.scenes.small_parameter import without_small
     from gsp.scenes.study import RTOL
+    from gsp.systems.region import shown_ends
     from gsp.systems.system import VectorField
     from gsp.systems.tolerances import absolute_tolerance
 
@@ -136,9 +137,8 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
         for state, rate in each.reduced.items():
             tell(f"    {state}' = {rate}")
         if each.error is not None and isfinite(each.error):
-            click.echo(
-                f"    error at these values behind the layer, to t = {scene.span[1]:g}: {each.error:.2g}"
-            )
+            end = shown_ends(scene.span)[1]
+            click.echo(f"    error at these values behind the layer, to t = {end}: {each.error:.2g}")
     if not useful:
         tell("No parameter of this model may be called small.")
     tell(told)

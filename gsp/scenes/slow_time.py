@@ -13,6 +13,7 @@ from gsp.scenes.scene import TIME, Scene
 from gsp.scenes.view import View
 from gsp.splitting.fast_time import divided, is_in_fast_time
 from gsp.splitting.splitting import split
+from gsp.systems.region import shown_ends
 from gsp.systems.system import SlowFastSystem, VectorField
 
 
@@ -38,9 +39,10 @@ def in_slow_time(scene: Scene) -> Scene:
 def explain_slow_time(scene: Scene, before: Scene) -> str:
     """What was made of the scene `before`, which was in fast time."""
     epsilon = scene.system.epsilon
+    ends = " becomes ".join(" to ".join(shown_ends(each.span)) for each in (before, scene))
     return (
         f"no rate has a pole in {epsilon}, so the time of the model is the fast one: rates are divided by "
-        f"{epsilon}, and the span {before.span[1]:g} becomes {scene.span[1]:g}"
+        f"{epsilon}, and the span {ends}"
     )
 
 

@@ -440,7 +440,7 @@ def test_the_command_line_says_that_time_is_slow(tmp_path: Path) -> None:
     gsp.save(scene, tmp_path / "model.toml")
     done = CliRunner().invoke(cli, ["average", str(tmp_path / "model.toml"), "--order", "0"])
     assert done.exit_code == 0, done.output
-    assert "the span 50 becomes 5" in done.output
+    assert "the span 0 to 50 becomes 0 to 5" in done.output
 
 
 def test_the_command_takes_one_small_parameter(tmp_path: Path) -> None:

@@ -125,12 +125,12 @@ def test_the_command_line_says_so_and_has_one_answer(tmp_path) -> None:
         target = tmp_path / f"run{len(options)}.csv"
         done = CliRunner().invoke(cli, ["run", str(file), *options, "-o", str(target)])
         assert done.exit_code == 0, done.output
-        assert ("the span 40 becomes 0.8" in done.output) == bool(options)
+        assert ("the span 0 to 40 becomes 0 to 0.8" in done.output) == bool(options)
         (head, *_, last) = target.read_text(encoding="utf-8").splitlines()
         ends.append(float(dict(zip(head.split(","), last.split(",")))["x"]))
     assert ends[1] == pytest.approx(ends[0], rel=1e-3)
     done = CliRunner().invoke(cli, ["choose", str(file)])
-    assert "the span 40 becomes 0.8" in done.output
+    assert "the span 0 to 40 becomes 0 to 0.8" in done.output
     assert " to 0.8 at epsilon" in done.output
 
 
