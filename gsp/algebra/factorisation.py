@@ -37,7 +37,7 @@ class Quotient(NamedTuple):
     atoms: tuple[sp.Expr, ...]
 
     def expression(self, polynomial: flint.fmpq_mpoly) -> sp.Expr:
-        """One of the polynomials, expanded, as an expression."""
+        """One of the polynomials as an expression, a sum of terms about its centres or those of the denominator."""
         return polynomial_expression(polynomial, self.atoms, (self.denominator,))
 
 
@@ -219,11 +219,13 @@ def coefficients(expression: sp.Expr, symbol: sp.Symbol) -> list[sp.Expr] | None
 
 
 def centre(expression: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
-    """c, of which the numerator has fewer powers of `symbol` - c than of `symbol`; 0 where it has not."""
+    """c, free of `symbol`, of which the numerator is shorter in `symbol` - c than in `symbol`; 0 where it is not."""
     found = quotient(expression)
     if found is None or symbol not in found.atoms:
         return sp.Integer(0)
-    return symbol - centred(found.numerator, found.atoms)[1][found.atoms.index(symbol)]
+    about = symbol - centred(found.numerator, found.atoms)[1][found.atoms.index(symbol)]
+    # What stands for another generator may have the symbol in it.
+    return sp.Integer(0) if about.has(symbol) else about
 
 
 def degree(expression: sp.Expr, symbols: Sequence[sp.Symbol]) -> int | None:

@@ -321,10 +321,8 @@ class LocalisedRing:
         """The element as a SymPy expression, numerator factored when short, denominators as powers."""
         if a.is_zero:
             return sp.Integer(0)
-        scale, below = (
-            sp.Integer(1),
-            [self.denominators[i] for i, exponent in enumerate(a.exponents) if exponent],
-        )
+        scale = sp.Integer(1)
+        beside = [self.denominators[i] for i, exponent in enumerate(a.exponents) if exponent]
         if factored and len(a.numerator) <= FACTOR_TERMS:
             content, factors = a.numerator.factor()
             scale = rational(content)
@@ -337,11 +335,10 @@ class LocalisedRing:
                     powers = [(p, k - int(p in (sign, other))) for p, k in powers]
                     scale = scale if other == u else -scale
                     distances.append(sp.Abs(polynomial_expression(u, self._meaning)))
-            numerator = sp.Mul(
-                *distances, *[polynomial_expression(p, self._meaning, below) ** k for p, k in powers]
-            )
+            written = [polynomial_expression(p, self._meaning, beside) ** k for p, k in powers]
+            numerator = sp.Mul(*distances, *written)
         else:
-            numerator = polynomial_expression(a.numerator, self._meaning, below)
+            numerator = polynomial_expression(a.numerator, self._meaning, beside)
         denominator = []
         for i, exponent in enumerate(a.exponents):
             if exponent:
