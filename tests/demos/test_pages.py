@@ -68,6 +68,32 @@ y = 1
 span = [0, 3]
 epsilon = 0.02
 """
+# x falls by a tenth of a percent and y stays below 1e-4, over times of seven digits.
+TIGHT = """
+[slow]
+x = "-x/10^9"
+[fast]
+y = "x/10^9 - y"
+[region]
+x = [90000, 110000]
+[start]
+x = 100000
+y = 0
+[scene]
+span = [1000000, 2000000]
+epsilon = 0.02
+"""
+# x = cos t, and no small parameter.
+UNREDUCED = """
+[states]
+x = "y"
+y = "-x"
+[start]
+x = 1
+y = 0
+[scene]
+span = [0, 1]
+"""
 
 
 @pytest.fixture
@@ -141,6 +167,50 @@ def test_the_parameters_that_matter_come_first_and_the_others_fold(opened) -> No
     moved = re.fullmatch(r"1 % more moves the run by (.*) %", told)
     assert moved is not None
     assert float(moved[1]) == pytest.approx(np.exp(-1), rel=0.15)
+
+
+def test_the_numbers_of_an_axis_are_told_apart(opened) -> None:
+    page = opened(EXACT)
+    say = "const {values, step} = ticks(...arguments, 5); return tickTexts({values, step}, (text) => text.length < 7);"
+    for low, high in [(100000, 100030), (1, 1.0004), (0, 4e-5), (-3e-7, 3e-7), (2020.25, 2020.75), (0, 3e9)]:
+        texts = page.run(say, low, high)
+        assert len(texts) == len(set(texts)) > 1, texts
+        read = [float(text.replace("−", "-")) for text in texts]
+        assert np.allclose(
+            read, page.run("return ticks(...arguments, 5).values", low, high), rtol=1e-12, atol=0
+        )
+    assert page.run(say, 0, 4e-5)[1] == "1e−5"
+    assert page.run(say, 2020.25, 2020.75)[0] == "2020.3"
+    for low, high in [(-2.9, -2.2), (0.31, 0.69), (-0.5, 0.5), (-3, 1)]:
+        texts = page.run("return decades(...arguments).texts", low, high)
+        assert len(set(texts)) > 1, texts
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_number_of_an_axis_is_cut(width: int, opened) -> None:
+    page = opened(TIGHT, width=width)
+    written = page.run(
+        "const got = []; const { fillText } = CanvasRenderingContext2D.prototype;"
+        "CanvasRenderingContext2D.prototype.fillText = function (text, x, y, most = Infinity) {"
+        "  const width = Math.min(most, this.measureText(text).width);"
+        "  const left = x - width * { left: 0, center: 0.5, right: 1 }[this.textAlign];"
+        "  got.push([text, left, this.canvas.clientWidth - left - width]);"
+        "};"
+        "draw(); CanvasRenderingContext2D.prototype.fillText = fillText; return got;"
+    )
+    assert len(written) > 10
+    assert [row for row in written if min(row[1:]) < 0] == []
+
+
+def test_the_full_run_is_made_finely_also_where_nothing_is_reduced(opened) -> None:
+    page = opened(UNREDUCED)
+    page.driver.execute_async_script(
+        "const look = () => (current.rtol < 1e-10 ? arguments[0]() : setTimeout(look, 20)); look();"
+    )
+    end, drawn = page.run("return [current.result.full.states.at(-1)[0], current.curves.full.q[0].at(-1)]")
+    assert drawn == end == pytest.approx(np.cos(1.0), abs=1e-9)
+    assert "at 1e-11" in page.run("return document.getElementById('orders').innerText")
+    assert page.complaints() == []
 
 
 def test_axes_do_not_follow_a_run_that_blows_up(opened) -> None:

@@ -104,7 +104,6 @@ function draw() {
 // One more epsilon of the ladder, and again until it is whole. Runs of all orders, so that switching one on shows it.
 function measure() {
   if (ladder.length === 0) remember();
-  if (!model.reducible) return;
   if (ladder.length >= LADDER.length) {
     measureWork();
     return;
@@ -116,6 +115,11 @@ function measure() {
   const result = first || epsilon <= EPSILON_RANGE[1] ? model.simulate(s, state.orders, accuracy) : null;
   // The finer run replaces the one that was quick to make: near a canard they differ.
   if (first && result.full.status === "reached") show(s, result, MEASUREMENT);
+  if (!model.reducible) {
+    tell();
+    draw();
+    return;
+  }
   ladder.push(result === null || result.full.status !== "reached" ? null : { epsilon, ...model.errorsOf(result, s) });
   tell();
   draw();

@@ -36,7 +36,10 @@ class SvgContext {
     this.ruler.font = this.font;
     return this.ruler.measureText(text);
   }
-  fillText(text, x, y) { this.text(text, x, y, `fill="${xml(this.fillStyle)}"`); }
+  fillText(text, x, y, most = Infinity) {
+    const pressed = this.measureText(text).width > most ? ` textLength="${short(most)}" lengthAdjust="spacingAndGlyphs"` : "";
+    this.text(text, x, y, `fill="${xml(this.fillStyle)}"${pressed}`);
+  }
   strokeText(text, x, y) { this.text(text, x, y, `fill="none" stroke-linejoin="round" stroke="${xml(this.strokeStyle)}" stroke-width="${this.lineWidth}"`); }
   text(text, x, y, paint) {
     const anchor = { left: "start", center: "middle", right: "end" }[this.textAlign];

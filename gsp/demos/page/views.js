@@ -161,12 +161,18 @@ function ticks(low, high, count) {
   const step = [1, 2, 5, 10].map((m) => m * power).find((m) => m >= rough) ?? rough;
   const found = [];
   for (let k = Math.ceil(low / step); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-  return { values: found, digits: Math.max(0, Math.min(8, -Math.floor(Math.log10(step) + 1e-9))) };
+  return { values: found, step };
 }
 
-function tickText(value, digits) {
-  if (value !== 0 && (Math.abs(value) >= 1e5 || digits > 5)) return value.toExponential(1);
-  return Math.abs(value) < 1e-12 ? "0" : value.toFixed(digits).replace("-", "−");
+// The values of an axis as texts that are told apart: plain ones where all of them fit, or no shorter form does.
+function tickTexts({ values, step }, fits) {
+  const size = (value) => Math.floor(Math.log10(value) + 1e-9);
+  const plain = values.map((value) => (value === 0 ? "0" : value.toFixed(Math.max(0, -size(step)))));
+  const digits = (value) => Math.max(0, size(Math.abs(value)) - size(step));
+  const short = values.map((value) => (value === 0 ? "0" : value.toExponential(digits(value)).replace("e+", "e")));
+  const longest = (texts) => Math.max(...texts.map((text) => text.length));
+  const chosen = plain.every(fits) || longest(plain) <= longest(short) ? plain : short;
+  return chosen.map((text) => text.replaceAll("-", "−"));
 }
 
 class View {
@@ -233,24 +239,29 @@ class View {
     c.fillStyle = this.colours.faint;
     const bottom = this.height - MARGIN.bottom;
     const right = this.width - MARGIN.right;
-    const mark = (value, log, digits) => (log ? power(value) : tickText(value, digits));
+    const width = (text) => c.measureText(text).width;
     const xs = xLog ? decades(x0, x1) : ticks(x0, x1, Math.max(3, this.width / 90));
+    const apart = this.X(x0 + xs.step) - this.X(x0) - width("0");
+    const xTexts = xs.texts ?? tickTexts(xs, (text) => width(text) <= apart);
     c.textAlign = "center";
     c.textBaseline = "top";
     c.beginPath();
-    for (const value of xs.values) {
+    xs.values.forEach((value, k) => {
       c.moveTo(this.X(value), MARGIN.top);
       c.lineTo(this.X(value), bottom);
-      c.fillText(mark(value, xLog, xs.digits), this.X(value), bottom + 3);
-    }
+      // The last one ends within the picture.
+      c.fillText(xTexts[k], Math.min(this.X(value), this.width - width(xTexts[k]) / 2 - 1), bottom + 3);
+    });
+    const room = MARGIN.left - 6;
     const ys = yLog ? decades(y0, y1) : ticks(y0, y1, 5);
+    const yTexts = ys.texts ?? tickTexts(ys, (text) => width(text) <= room);
     c.textAlign = "right";
     c.textBaseline = "middle";
-    for (const value of ys.values) {
+    ys.values.forEach((value, k) => {
       c.moveTo(MARGIN.left, this.Y(value));
       c.lineTo(right, this.Y(value));
-      c.fillText(mark(value, yLog, ys.digits), MARGIN.left - 5, this.Y(value));
-    }
+      c.fillText(yTexts[k], MARGIN.left - 5, this.Y(value), room);
+    });
     c.stroke();
     this.name(xName, right - 2, this.height - 5, 1);
     this.name(yName, 4, 13, 0);
@@ -332,11 +343,15 @@ class View {
   }
 }
 
+// Powers of ten between two exponents; where there are not two of them, values between them.
 function decades(low, high) {
   const values = [];
   const every = Math.max(1, Math.ceil((high - low) / 7));
   for (let k = Math.ceil(low); k <= high; k++) if (k % every === 0) values.push(k);
-  return { values, digits: 0 };
+  if (values.length > 1) return { values, texts: values.map(power) };
+  const between = ticks(Math.pow(10, low), Math.pow(10, high), 3);
+  between.values = between.values.filter((value) => value > 0);
+  return { values: between.values.map(Math.log10), texts: tickTexts(between, () => false) };
 }
 
 function power(exponent) {
