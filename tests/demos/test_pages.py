@@ -184,6 +184,13 @@ def test_the_numbers_of_an_axis_are_told_apart(opened) -> None:
     for low, high in [(-2.9, -2.2), (0.31, 0.69), (-0.5, 0.5), (-3, 1)]:
         texts = page.run("return decades(...arguments).texts", low, high)
         assert len(set(texts)) > 1, texts
+    page.run("views.scales.box = [0, 1, -4, 3]; views.scales.Y = (v) => 22 + (80 * (3 - v)) / 7")
+    heights = page.run(
+        "const got = []; views.scales.context.fillText = (text, x, y) => text.startsWith('10') && got.push(y);"
+        "views.scales.axes('', '', { yLog: true }); delete views.scales.context.fillText; return got;"
+    )
+    # Twelve pixels are the height of the letters.
+    assert np.all(np.abs(np.diff(heights)) > 12)
 
 
 @pytest.mark.parametrize("width", [390, 1280])

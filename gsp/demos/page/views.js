@@ -253,7 +253,8 @@ class View {
       c.fillText(xTexts[k], Math.min(this.X(value), this.width - width(xTexts[k]) / 2 - 1), bottom + 3);
     });
     const room = MARGIN.left - 6;
-    const ys = yLog ? decades(y0, y1) : ticks(y0, y1, 5);
+    // Half a line apart.
+    const ys = yLog ? decades(y0, y1, (bottom - MARGIN.top) / (1.5 * parseFloat(FONT))) : ticks(y0, y1, 5);
     const yTexts = ys.texts ?? tickTexts(ys, (text) => width(text) <= room);
     c.textAlign = "right";
     c.textBaseline = "middle";
@@ -344,9 +345,9 @@ class View {
 }
 
 // Powers of ten between two exponents; where there are not two of them, values between them.
-function decades(low, high) {
+function decades(low, high, most = Infinity) {
   const values = [];
-  const every = Math.max(1, Math.ceil((high - low) / 7));
+  const every = Math.max(1, Math.ceil((high - low) / Math.min(7, most)));
   for (let k = Math.ceil(low); k <= high; k++) if (k % every === 0) values.push(k);
   if (values.length > 1) return { values, texts: values.map(power) };
   const between = ticks(Math.pow(10, low), Math.pow(10, high), 3);
