@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,7 @@ def canard_orbits(orbits: CanardOrbits, axes: Any, *, shown: int = 4) -> None:
             states = _near(sheet.segments[row].at(np.linspace(0.0, 1.0, 6 * POINTS)), orbits)
             axes.plot(*states[:, order].T, color=colour, lw=0.6, alpha=0.4)
     turning = [c for c in orbits.canards if c.kind is not CanardKind.WEAK][:shown]
-    for canard, colour in zip(turning, SERIES[1:2] + SERIES[3:] + SERIES[:1]):
+    for canard, colour in zip(turning, cycle(SERIES[1:2] + SERIES[3:] + SERIES[:1])):
         states = _near(canard.orbit.at(np.linspace(0.0, 1.0, 6 * POINTS)), orbits)
         axes.plot(*states[:, order].T, color=colour, lw=1.8, label=mathematics(canard.name), zorder=6)
     axes.plot(*frame.point[order][:, None], "o", color=INK, ms=5, label="folded node", zorder=9)

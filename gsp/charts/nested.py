@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from gsp.charts.style import INK, SERIES, chart, legend, mathematics
+from gsp.charts.style import INK, chart, legend, looks, mathematics
 from gsp.integration.trajectory import trajectory_of
 from gsp.nested.nesting import Nesting
 from gsp.systems.tolerances import RTOL, absolute_tolerance
@@ -31,9 +31,9 @@ def nesting(found: Nesting, axes: Axes) -> None:
     reduced = trajectory_of(flow, base, scene.span, 1.0, atol=atol, at=times)
     known = {s.name for s in (*flow.states, *flow.observables)}
     names = [s.name for s in found.ray.states if s.name in known]
-    for name, colour in zip(names, (*SERIES, INK)):
-        axes.plot(late[: len(full.t) - 1], full[name][1:], color=colour, label=mathematics(name))
-        axes.plot(late[: len(reduced.t) - 1], reduced[name][1:], "--", color=colour)
+    for name, look in zip(names, looks()):
+        axes.plot(late[: len(full.t) - 1], full[name][1:], **look, label=mathematics(name))
+        axes.plot(late[: len(reduced.t) - 1], reduced[name][1:], "--", color=look["color"])
     for end in layers:
         axes.axvline(end, color=INK, lw=0.6, ls=":")
     axes.set_xscale("log")

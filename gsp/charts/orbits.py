@@ -36,13 +36,13 @@ from gsp.charts.style import (
     LADDER,
     LINES,
     PALE,
-    SERIES,
     VERMILION,
     at_epsilon,
     chart,
     darts,
     legend,
     limits,
+    looks,
     mathematics,
     name_axes,
     orbit,
@@ -228,10 +228,13 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
     first = min(0.03 * layer, 0.01 * length)
     t = start + np.geomspace(first, length, LINE)
     full, reduced = (during(run, t) for run in (analysis.full, analysis.reduced))
-    names = [s.name for s in analysis.scene.system.states]
-    for colour, name in zip((*SERIES, INK), names):
+    system = analysis.scene.system
+    # A clock over time is the time again, and a year's number would press all else flat.
+    moving = [s.name for s, rate in zip(system.states, system.rates) if rate != 1]
+    names = moving or [s.name for s in system.states]
+    for look, name in zip(looks(), names):
         label = f"{mathematics(name)}, full"
-        axes.plot(full.t - start, full[name], color=colour, lw=3.2, alpha=0.45, label=label)
+        axes.plot(full.t - start, full[name], **look, lw=3.2, alpha=0.45, label=label)
     lines = [full[name] for name in names]
     # A run that ends where it starts is no line, and a series past its reach there says nothing of the size.
     if len(reduced.t) > 1:

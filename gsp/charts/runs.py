@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.charts.sampling import dense_run
-from gsp.charts.style import BLUE, INK, LINES, SERIES, chart, legend, mathematics
+from gsp.charts.style import BLUE, INK, chart, legend, looks, mathematics
 from gsp.errors import DeclarationError
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
@@ -70,10 +70,8 @@ def dense_phases(orbit: PeriodicOrbit) -> np.ndarray:
 
 
 def _lines(axes: Axes, t: np.ndarray, states: dict[str, np.ndarray]) -> None:
-    colours = (*SERIES, INK)
-    for i, (name, values) in enumerate(states.items()):
-        style = LINES[i // len(colours) % len(LINES)]
-        axes.plot(t, values, color=colours[i % len(colours)], ls=style, label=mathematics(name))
+    for look, (name, values) in zip(looks(), states.items()):
+        axes.plot(t, values, **look, label=mathematics(name))
     axes.margins(x=0.01)
     axes.set_ylabel("states")
     legend(axes, columns=6)

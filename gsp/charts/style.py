@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial, wraps
 from inspect import signature
+from itertools import cycle, product
 from pathlib import Path
 from textwrap import shorten
 from typing import Any, Concatenate, ParamSpec, cast, get_type_hints
@@ -56,11 +57,18 @@ STYLE: Any = {
     "legend.fontsize": 9,
     "legend.handlelength": 1.8,
     "lines.linewidth": 1.5,
+    # Years stand as 2020.5, and not as 0.5 beside +2.02e3.
+    "axes.formatter.offset_threshold": 6,
     # Of axes in space alone.
     "grid.color": "#E3E6EA",
     "grid.linewidth": 0.6,
 }
 P = ParamSpec("P")
+
+
+def looks() -> Iterator[dict[str, Any]]:
+    """Colours, and broken lines when these are used up, for as many curves as a picture has."""
+    return ({"color": colour, "ls": line} for line, colour in cycle(product(LINES, (*SERIES, INK))))
 
 
 def chart(*, height: float = 3.5, solid: Callable[[Any], bool] = lambda result: False):

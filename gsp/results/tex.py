@@ -38,9 +38,9 @@ def name_in_tex(name: str) -> str:
     found = _SET.fullmatch(sp.latex(sp.Symbol(spelt(name))))
     if found is None:
         return as_spelt(name)
-    if found["word"] is None:
-        return found[0]
-    return rf"\mathrm{{{found['word']}}}{found['below'] or ''}"
+    # A blank between two indices is nothing in mathematics: k_{1 2} would be read as k_{12}.
+    below = (found["below"] or "").replace(" ", r"\,")
+    return (found["letter"] or rf"\mathrm{{{found['word']}}}") + below
 
 
 def as_spelt(name: str) -> str:

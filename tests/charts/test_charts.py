@@ -418,3 +418,43 @@ def test_a_run_is_labelled_by_the_name_of_its_small_parameter() -> None:
     assert not any(r"\epsilon =" in label for label in labels)
     assert "nu = 0.1" in str(gsp.choose(scene))
     assert "nu = 0.1" in str(gsp.integrate(system, start={"x": 1, "y": 0}, span=(0, 1), epsilon=0.1))
+
+
+# Eight fast variables; time is counted in years from 2020 on.
+YEARS = """
+[slow]
+x = "-x"
+year = 1
+[fast]
+%s
+[region]
+x = [0.5, 2]
+year = [2020, 2021]
+[start]
+x = 1
+year = 2020
+%s
+[scene]
+span = [2020, 2020.5]
+epsilon = 0.01
+"""
+
+
+def test_all_states_are_drawn_over_time_but_the_time_itself(tmp_path):
+    names = [f"y{k}" for k in range(8)]
+    rates, starts = ("\n".join(map(text.format, names)) for text in ('{0} = "x - {0}"', "{0} = 0"))
+    (tmp_path / "years.toml").write_text(YEARS % (rates, starts), encoding="utf-8")
+    scene = gsp.load(tmp_path / "years.toml")
+    axes = charts.time_series(analyse(scene))
+    labelled = {line.get_label(): line for line in axes.lines if str(line.get_label()).endswith(", full")}
+    assert set(labelled) == {f"{mathematics(name)}, full" for name in ("x", *names)}
+    assert len({(line.get_color(), line.get_linestyle()) for line in labelled.values()}) == 9
+    assert axes.get_ylim()[1] < 2
+
+
+def test_years_are_numbers_of_an_axis_as_they_are():
+    x = sp.Symbol("x")
+    axes = charts.trajectory(gsp.integrate(gsp.VectorField({x: -x}), start={"x": 1}, span=(2020.25, 2020.75)))
+    charts.png(axes)
+    assert axes.xaxis.get_offset_text().get_text() == ""
+    assert "2020.5" in [label.get_text() for label in axes.get_xticklabels()]

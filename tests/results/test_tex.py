@@ -16,6 +16,7 @@ from gsp.results.tex import name_in_tex, spelt, tex
         ("σ", r"\sigma"), ("Vabs", r"\mathrm{Vabs}"), ("Ical", r"\mathrm{Ical}"),
         ("tprime", r"\mathrm{tprime}"), ("sigma__a", r"\mathrm{sigma\_\_a}"),
         ("mu_", r"\mathrm{mu\_}"), ("_x", r"\mathrm{\_x}"), ("x_kabs", r"\mathrm{x\_kabs}"),
+        ("k_1_2", r"k_{1\,2}"), ("k_12", "k_{12}"), ("Potassium_gate_max", r"\mathrm{Potassium}_{gate\,max}"),
     ],
 )  # fmt: skip
 def test_no_name_is_set_as_a_formula(name: str, text: str) -> None:
