@@ -298,7 +298,8 @@ class Page(Setting):
             if branch.graph is not None:
                 rows = [self.block(self.set.row(y), h) for y, h in branch.graph.items()]
             else:
-                rows = [self.block(self.set.row(e), "<mn>0</mn>") for e in branch.equations]
+                # On the right, where it is broken into lines that a page holds.
+                rows = [self.coefficient("<mn>0</mn>", e) for e in branch.equations]
             chosen = branch.equations == study.branch.equations
             result.append({"rows": rows, "chosen": chosen, "explicit": branch.is_explicit})
         return result

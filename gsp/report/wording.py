@@ -64,6 +64,7 @@ _MATHEMATICS = (
     (r"(?<=[\w)>])\*(?=[\w(<])", "·"),
     (r"\b([a-zA-Z])\^([0-9])\b", r"<i>\1</i><sup>\2</sup>"),
     (r"(?<=\))\^(-?[0-9.]*[0-9])", lambda found: f"<sup>{found[1].replace('-', '−')}</sup>"),
+    (r"(?<=\w)\^\((-?[0-9]+/[0-9]+)\)", lambda found: f"<sup>{found[1].replace('-', '−')}</sup>"),
     (r"\ba b\b", "<i>a b</i>"),
     (r"(?<=[0-9] )us\b", "μs"),
     (r"\b([a-zA-Z])(?= = -?[0-9])", r"<i>\1</i>"),

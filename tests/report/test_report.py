@@ -8,6 +8,8 @@ import json
 import os
 import re
 from html.parser import HTMLParser
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 import sympy as sp
@@ -348,6 +350,7 @@ def test_numbers_and_words_are_set():
     assert words("6.1e+01 within the layer") == "6.1×10<sup>1</sup> within the layer"
     assert words("w in [-0.4, -0.2], from -1 to -2") == "w in [−0.4, −0.2], from −1 to −2"
     assert words("like (T - t)^-0.5.") == "like (T - t)<sup>−0.5</sup>."
+    assert words("3.2 epsilon^(2/3) or t^(-1/2)") == "3.2 ε<sup>2/3</sup> or t<sup>−1/2</sup>"
     assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
 
 
@@ -438,3 +441,20 @@ def test_conditions_are_met_over_the_whole_region_only_where_no_loss_is_left_bet
     sampled = dataclasses.replace(analysis.hyperbolicity, exclusion=left, certificate=None)
     told = Sections(dataclasses.replace(analysis, hyperbolicity=sampled)).conditions()
     assert told.startswith("met at every sample; between them a loss is not excluded over a share of 0.5")
+
+
+def test_a_long_implicit_branch_is_broken_into_lines() -> None:
+    gate, voltage, epsilon = sp.symbols("activation_gate membrane_potential epsilon")
+    conductances = sp.symbols("conductance_one conductance_two conductance_three")
+    currents = [k * gate * (voltage**5 + k * voltage) for k in conductances]
+    system = gsp.SlowFastSystem(
+        slow={gate: -gate}, fast={voltage: sum(currents) - voltage}, epsilon=epsilon,
+        parameters=dict.fromkeys(conductances, 1),
+    )  # fmt: skip
+    scene = gsp.Scene(system, {gate: (0.1, 0.2)}, start={gate: 0.1, voltage: 0}, span=(0, 1), epsilon=0.01)
+    page = Sections(cast(Any, SimpleNamespace(scene=scene, study=gsp.study(scene))))
+    implicit = [row for branch in page.branches() if not branch["explicit"] for row in branch["rows"]]
+    assert implicit
+    for left, right in implicit:
+        assert "<mn>0</mn>" in left
+        assert "broken" in right
