@@ -71,7 +71,8 @@ def dense_phases(orbit: PeriodicOrbit) -> np.ndarray:
 
 def _lines(axes: Axes, t: np.ndarray, states: dict[str, np.ndarray]) -> None:
     for look, (name, values) in zip(looks(), states.items()):
-        axes.plot(t, values, **look, label=mathematics(name))
+        # A run of one point is no line.
+        axes.plot(t, values, **look, marker="o" if len(t) == 1 else None, label=mathematics(name))
     axes.margins(x=0.01)
     axes.set_ylabel("states")
     legend(axes, columns=6)

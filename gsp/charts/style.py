@@ -108,11 +108,24 @@ def chart(*, height: float = 3.5, solid: Callable[[Any], bool] = lambda result: 
                     )
                 draw(result, axes, *args, **kwargs)
                 add_units(axes, getattr(getattr(result, "scene", None), "units", {}))
+                _fit_labels(axes)
                 return axes
 
         return drawn
 
     return decorate
+
+
+def _fit_labels(axes: Axes) -> None:
+    """Labels that are longer than the figure, of long names, in letters as small as the axes' length asks for."""
+    figure = axes.figure.bbox
+    for label, within, whole in (
+        (axes.xaxis.label, axes.bbox.width, figure.width),
+        (axes.yaxis.label, axes.bbox.height, figure.height),
+    ):
+        box = label.get_window_extent()
+        if (length := max(box.width, box.height)) > whole:
+            label.set_fontsize(float(label.get_fontsize()) * within / length)
 
 
 def add_units(axes: Axes, units: Mapping[str, str]) -> None:
@@ -234,11 +247,14 @@ def arrow_head(
 def legend(axes: Axes, *, columns: int = 3) -> None:
     """The legend above the axes, where it covers no data."""
     handles, labels = axes.get_legend_handles_labels()
-    if handles:
-        axes.legend(
-            handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(columns, len(handles)),
+    # Fewer columns where names are long.
+    for count in range(min(columns, len(handles)), 0, -1):
+        made = axes.legend(
+            handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=count,
             columnspacing=1.3, handletextpad=0.5, borderaxespad=0.4, labelspacing=0.35,
         )  # fmt: skip
+        if made.get_window_extent().width <= axes.figure.bbox.width:
+            return
 
 
 def orbit(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str, *, arrow: bool = True) -> None:

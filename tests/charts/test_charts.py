@@ -458,3 +458,24 @@ def test_years_are_numbers_of_an_axis_as_they_are():
     charts.png(axes)
     assert axes.xaxis.get_offset_text().get_text() == ""
     assert "2020.5" in [label.get_text() for label in axes.get_xticklabels()]
+
+
+def test_long_names_stay_within_the_figure_and_one_point_is_seen():
+    names = [
+        f"the_{ordinal}_of_the_quantities_that_nobody_wants_to_read_twice" for ordinal in ("first", "other")
+    ]
+    first, other = sp.symbols(names)
+    field = gsp.VectorField({first: -first, other: -other})
+    start = dict.fromkeys(names, 1)
+    point = charts.trajectory(gsp.integrate(field, start=start, span=(0, 1), at=[0.5]))
+    assert [line.get_marker() for line in point.lines] == ["o", "o"]
+    ensemble = gsp.integrate_many(
+        field, starts=dict.fromkeys(names, np.array([1.0, 2.0])), span=(0, 1), at=[0, 1]
+    )
+    for axes in (point, charts.spread(ensemble, name=names[0])):
+        axes.figure.canvas.draw()
+        for part in (axes.get_legend(), axes.xaxis.label, axes.yaxis.label):
+            box, figure = part.get_window_extent(), axes.figure.bbox
+            assert min(box.x0, box.y0) >= 0
+            assert box.x1 <= figure.x1
+            assert box.y1 <= figure.y1
