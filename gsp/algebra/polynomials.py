@@ -48,31 +48,30 @@ def centred(
     meaning, beside = list(meaning), list(beside)
     if len(polynomial) > FACTOR_TERMS:
         return polynomial, meaning
-    generators, shortest = polynomial.context().gens(), _length(polynomial)
+    generators, shortest = polynomial.context().gens(), length(polynomial)
     while True:
         best = None
         for i, degree in enumerate(polynomial.degrees()):
-            for centre in [c for p in (polynomial, *beside) if degree > 0 for c in _centres(p, i)]:
+            curved = [p for p in (polynomial, *beside) if degree > 0 and p.degrees()[i] > 1]
+            for centre in [c for p in curved for c in middles(p, i)]:
                 moved = [v + centre if k == i else v for k, v in enumerate(generators)]
-                length = _length(polynomial.compose(*moved)) + _length(centre)
-                if length < shortest:
-                    best, shortest = (i, centre, moved), length
+                found = length(polynomial.compose(*moved)) + length(centre)
+                if found < shortest:
+                    best, shortest = (i, centre, moved), found
         if best is None:
             return polynomial, meaning
         i, centre, moved = best
         meaning[i] -= _sum(centre, meaning)
         polynomial, *beside = (p.compose(*moved) for p in (polynomial, *beside))
-        shortest = _length(polynomial)
+        shortest = length(polynomial)
 
 
-def _centres(polynomial: flint.fmpq_mpoly, i: int) -> list[flint.fmpq_mpoly]:
+def middles(polynomial: flint.fmpq_mpoly, i: int) -> list[flint.fmpq_mpoly]:
     """Of a v^n + b v^(n-1) + ... in generator i, with b = q a + r, the linear -q/n and its number, unless they are 0.
 
     Powers of v - c about c are one term each.
     """
     degree = int(polynomial.degrees()[i])
-    if degree < 2:
-        return []
     context, rows = polynomial.context(), {degree: {}, degree - 1: {}}
     for exponents, coefficient in polynomial.to_dict().items():
         if exponents[i] in rows:
@@ -87,7 +86,7 @@ def _centres(polynomial: flint.fmpq_mpoly, i: int) -> list[flint.fmpq_mpoly]:
     return linear + [number] * (number != 0)
 
 
-def _length(polynomial: flint.fmpq_mpoly) -> int:
+def length(polynomial: flint.fmpq_mpoly) -> int:
     """Bits of the coefficients and factors of the terms, together."""
     return sum(
         int(c.p).bit_length() + int(c.q).bit_length() + sum(map(int, exponents))

@@ -8,9 +8,10 @@ generators E with their derivative D E = E D u.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import flint
@@ -47,7 +48,8 @@ class LocalisedRing:
     """QQ[coordinates, parameters, adjoined functions] localised at irreducible denominators.
 
     `functions` says that functions are to be adjoined (`gsp.algebra.functions.are_rational` tells); how many need not
-    be known. `derivations` is the number of derivations; they are zero on `constants`, and the image of a coordinate
+    be known. Polynomials are in v - c for coordinates v with one of the `centres` c, about which their powers do not
+    cancel. `derivations` is the number of derivations; they are zero on `constants`, and the image of a coordinate
     under each is given by `set_derivative`.
     """
 
@@ -58,11 +60,13 @@ class LocalisedRing:
         constants: Sequence[sp.Symbol] = (),
         functions: bool = False,
         derivations: int = 0,
+        centres: Mapping[sp.Symbol, sp.Rational] = MappingProxyType({}),
     ) -> None:
         symbols = (*coordinates, *constants)
         self._names = [f"g{i}" for i in range(len(symbols))]
         self._room = 0
-        self._meaning: list[sp.Expr] = list(symbols)
+        self._centres = centres
+        self._meaning: list[sp.Expr] = [symbol - centres.get(symbol, 0) for symbol in symbols]
         self.relations: list[flint.fmpq_mpoly] = []
         self.roots: list[tuple[flint.fmpq_mpoly, Callable[[], RingElement]]] = []
         # sign(u) and u, which are shown as |u| where they are multiplied.
@@ -199,7 +203,8 @@ class LocalisedRing:
 
     def generator(self, symbol: sp.Symbol) -> RingElement:
         """The element of a declared symbol."""
-        return RingElement(self, self._gens[self._index[symbol]], ())
+        found = RingElement(self, self._gens[self._index[symbol]], ())
+        return found + self.constant(self._centres[symbol]) if symbol in self._centres else found
 
     def constant(self, value: sp.Rational | int) -> RingElement:
         """A rational number as an element."""

@@ -174,6 +174,25 @@ class Branch(Portable, Card):
             units=self.units and tuple((np.array(self.units) / units).tolist()),
         )
 
+    def at_home(self) -> tuple[Branch, np.ndarray]:
+        """(branch, c): the branch of the system about its centres c (n,), and these; itself where all are 0."""
+        system, found = self.system, self.system.centres
+        home = np.array([float(found.get(s, 0)) for s in system.states])
+        if not found:
+            return self, home
+        there = {s: s + c for s, c in found.items()}
+        x, y = np.split(home, [len(system.x)])
+        moved = replace(
+            self,
+            system=system.about(found),
+            equations=tuple(e.xreplace(there) for e in self.equations),
+            graph=self.graph and {s: h.xreplace(there) - found.get(s, 0) for s, h in self.graph.items()},
+            seed=self.seed and (tuple((self.seed[0] - x).tolist()), tuple((self.seed[1] - y).tolist())),
+            # The size of what is far from the origin is none about its centre.
+            units=self.units and tuple(1.0 if c else unit for unit, c in zip(self.units, home)),
+        )
+        return moved, home
+
     @cached_property
     def scales(self) -> tuple[np.ndarray, np.ndarray]:
         """The `units` of x (n_slow,) and of y (n_fast,)."""

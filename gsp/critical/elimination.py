@@ -15,6 +15,7 @@ from math import prod
 
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import (
     coefficients,
@@ -51,9 +52,27 @@ class Pieces:
     unsolved: list[sp.Basic] = field(default_factory=list)
     vanished: list[sp.Expr] = field(default_factory=list)
 
+    def back_from(self, centres: Mapping[sp.Symbol, sp.Rational]) -> Pieces:
+        """The same in the states of a system that was written about its `centres`."""
+        less = {s: s - c for s, c in centres.items()}
+        solved = [
+            (
+                tuple(e.xreplace(less) for e in equations),
+                graph and {y: h.xreplace(less) + centres.get(y, 0) for y, h in graph.items()},
+            )
+            for equations, graph in self.solved
+        ]
+        rest = ([e.xreplace(less) for e in part] for part in (self.unsolved, self.vanished))
+        return Pieces(solved, *rest)
+
 
 def pieces(system: SlowFastSystem) -> Pieces:
     """The zero set of g(x, y, 0), piece by piece."""
+    here = centres((*system.f, *system.g), system.states)
+    return _pieces(system.about(here)).back_from(here) if here else _pieces(system)
+
+
+def _pieces(system: SlowFastSystem) -> Pieces:
     g0 = [laurent(g, system.epsilon, order=0)[0] for g in system.g]
     found = Pieces()
     for choice in _components(g0, system, found):

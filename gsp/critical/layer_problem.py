@@ -316,8 +316,13 @@ def sizes_beside(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def least_norm_newton(equations, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray | None:
-    """The zero of `equations` next to u by damped Newton steps of least norm in u/scales; None when they fail."""
-    u = u.copy()
+    """The zero of `equations` next to u by damped Newton steps of least norm in u/scales; None when they fail.
+
+    Steps of `tolerance` end it, and those that are rounding of u.
+    """
+    moving = scales > 0.0
+    rounding = np.finfo(float).eps * float(np.linalg.norm(u[moving] / scales[moving]))
+    tolerance, u = max(tolerance, 2.0 * rounding), u.copy()
     # Newton's method for a start: more steps than a corrector takes, as the guess may be poor.
     for _ in range(60):
         value, slope = equations.residual(u), equations.jacobian(u) * scales

@@ -303,6 +303,18 @@ class Sampler:
         moved = np.array([(np.abs(self.fast_jacobian(point[None]))[0] @ lengths) for point in z])
         return float(np.nanmax(np.divide(left, moved, out=left, where=left > 0.0)))
 
+    def rounding(self, z: np.ndarray) -> float:
+        """The largest `residual` that the rounding of `z` makes of a point of the branch."""
+        lengths, shares = self.fast_lengths(z), []
+        for point in z:
+            slopes = np.abs(self.equilibria_jacobian(point[None])[0])
+            moved, rounded = (
+                slopes[:, len(self.system.x) :] @ lengths,
+                np.finfo(float).eps * slopes @ np.abs(point),
+            )
+            shares.append(np.max(rounded / moved, initial=0.0, where=rounded < moved))
+        return float(max(shares))
+
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(J, y_x, usable): the whole Jacobian, y_x = g_y^-1 g_x, and the samples where both exist."""
         nx, n = len(self.system.x), len(self.system.states)

@@ -332,12 +332,15 @@ def _conditions(
         missing == 0,
     )
     residual = sampler.residual(z) if len(z) else float("inf")
+    # No point far from the origin is known to be nearer to the branch than its own rounding.
+    rounding = sampler.rounding(z) if EQUILIBRIUM_TOLERANCE < residual < float("inf") else 0.0
+    most = max(EQUILIBRIUM_TOLERANCE, rounding)
     yield Condition(
         "equilibria",
         "g(x, h_0(x), 0) = 0: the fast system has an equilibrium for every x",
         residual,
-        f"largest residual, at most {EQUILIBRIUM_TOLERANCE:g} needed",
-        residual <= EQUILIBRIUM_TOLERANCE,
+        f"largest residual, at most {most:.3g} needed",
+        residual <= most,
     )
     yield Condition(
         HYPERBOLIC,

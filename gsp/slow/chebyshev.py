@@ -44,6 +44,12 @@ class ChebyshevSurface:
         """The same surface where a number of ours is `x` (d,) or `y` (k,) of the new ones."""
         return ChebyshevSurface(self.box * x[:, None], self.coefficients * y)
 
+    def moved(self, x: np.ndarray, y: np.ndarray) -> ChebyshevSurface:
+        """The same surface, `x` (d,) further along and `y` (k,) higher."""
+        coefficients = self.coefficients.copy()
+        coefficients[(0,) * len(self.box)] += y
+        return ChebyshevSurface(self.box + x[:, None], coefficients)
+
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
         scale = 2.0 / (self.box[:, 1] - self.box[:, 0])

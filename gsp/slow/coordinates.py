@@ -17,6 +17,7 @@ import flint
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.algebra.circuits import CircuitRing, Factors, Gate
 from gsp.algebra.differentiation import derivative, slopes
 from gsp.algebra.factorisation import degree, quotient
@@ -38,7 +39,8 @@ STEEP = 100.0
 
 @dataclass(frozen=True)
 class Chart:
-    """The functions on a branch: their `ring`, `coordinates`, the element of every x and y, and g_y^-1.
+    """The functions on a branch: their `ring`, `coordinates`, the element of every x and y, g_y^-1, and the `centres`
+    of x and y about which the ring's polynomials are written.
 
     The ring is a `CircuitRing` where that is asked for, or where more than `WRITTEN` fast variables depend on one
     another, else a `LocalisedRing`.
@@ -49,6 +51,7 @@ class Chart:
     coordinates: tuple[sp.Symbol, ...]
     elements: dict[sp.Symbol, Any]
     inverse_jacobian: list[list[RingElement]] | Factors
+    centres: Mapping[sp.Symbol, sp.Rational]
 
     def solve(self, b: Sequence[Any]) -> list[Any]:
         """g_y^-1 b."""
@@ -84,12 +87,14 @@ def chart(
     # Functions of eliminated variables become functions of their graphs, so those are counted too.
     expressions = [put(e) for e in (*system.f, *system.g)] + [*g_y.values(), *g_x.values(), *graph.values()]
     ring: Any
+    about = centres(tuple(put(e) for e in (*system.f, *system.g)), system.states) if is_written else {}
     if is_written:
         ring = LocalisedRing(
             coordinates,
             constants=parameters,
             functions=not are_rational(expressions),
             derivations=len(system.x),
+            centres=about,
         )
         sizes = np.log2(np.concatenate(branch.scales)).astype(int).tolist()
         ring.sizes = {s: size for s, size in zip(system.states, sizes) if size}
@@ -116,7 +121,7 @@ def chart(
             f"{', '.join(s.name for s in system.x)}.",
             "The branch is nowhere normally hyperbolic; check which variables are fast.",
         ) from None
-    found = Chart(branch, ring, coordinates, elements, inverse)
+    found = Chart(branch, ring, coordinates, elements, inverse, about)
     if any(y in coordinates for y in system.y):
         for j in range(len(system.x)):
             column = [

@@ -11,6 +11,7 @@ The coefficients live in the chart's ring, so parameters stay symbolic and nothi
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -57,7 +58,7 @@ class SeriesManifold(Card):
     @cached_property
     def coefficients(self) -> tuple[Components, ...]:
         """h_0, ..., h_n: exact expressions in x, the parameters and, on implicit branches, y on M0."""
-        return self._components(self._h, self.branch.system.y)
+        return self._written(self.chart.ring.to_sympy)
 
     @cached_property
     def reduced_field(self) -> tuple[Components, ...]:
@@ -72,10 +73,8 @@ class SeriesManifold(Card):
     @cached_property
     def nested(self) -> tuple[tuple[Components, ...], tuple[Components, ...]]:
         """`coefficients` and `coordinate_field` by Horner's scheme: for evaluation, where they are too long to read."""
-        rows = self._h, moving(self.chart, self._f)
-        symbols = self.branch.system.y, self.coordinates
-        h, f = (self._components(r, s, self.chart.ring.horner) for r, s in zip(rows, symbols))
-        return h, f
+        write = self.chart.ring.horner
+        return self._written(write), self._components(moving(self.chart, self._f), self.coordinates, write)
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
@@ -246,6 +245,16 @@ class SeriesManifold(Card):
         write = write or self.chart.ring.to_sympy
         return tuple(Components(symbols, [write(row[k]) for row in rows]) for k in range(self.order + 1))
 
+    def _written(self, write: Callable[[RingElement], sp.Expr]) -> tuple[Components, ...]:
+        """h_0, ..., h_n: h_0 as what it is off the fast variables' centres, beside which it may be small."""
+        y, ring = self.branch.system.y, self.chart.ring
+        centres = [self.chart.centres.get(s, 0) for s in y]
+        first = [
+            write(row[0] - ring.constant(c)) + c if c else write(row[0]) for row, c in zip(self._h, centres)
+        ]
+        rest = self._components(self._h, y, write)[1:] if self.order else ()
+        return (Components(y, first), *rest)
+
     def _order(self, order: int | None) -> int:
         return self.order if order is None else self.at_order(order).order
 
@@ -321,7 +330,8 @@ class SeriesManifold(Card):
     @cached_property
     def _h_function(self):
         special = self.specialised
-        return self._compiled([row[k] for k in range(self.order + 1) for row in special._h])
+        outputs = [e for part in special._written(special.chart.ring.horner) for e in part]
+        return compile_over(self.branch.system, tuple(outputs), arguments=self.coordinates)
 
     @cached_property
     def _slope_function(self):

@@ -92,7 +92,8 @@ def zero_derivative(
     `x` is as for `Branch.points`: a mapping by name, (m, n_slow), or one point; `near` starts Newton's method on an
     implicit branch. With `order` that order is used; without it the lowest whose estimated error is below
     `tolerance` (1 + |y|), or, where the estimate starts to grow before that, the order where it is least. If a state's
-    numbers are tiny or huge, y is measured in units in which the largest number of each state is near 1.
+    numbers are tiny or huge, y is measured in units in which the largest number of each state is near 1, and from the
+    `centres` of a system that is far from its origin.
 
     Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point
     over `x`, and `UnsupportedFunctionError` for a field with floor and the like, which have no jets.
@@ -120,18 +121,22 @@ def zero_derivative(
     if not array.size:
         raise DeclarationError("x has no point.", "Give one or more.")
     start = np.atleast_2d(branch.points(array, near=near))
-    units = common_units(branch.system, np.hstack([array, sized(branch, start)]))
-    own, (x_units, y_units) = branch.moved_into(units), np.split(units, [len(system.x)])
+    own, home = branch.at_home()
+    x_home, y_home = np.split(home, [len(system.x)])
+    near_home = array - x_home, start - y_home
+    units = common_units(own.system, np.hstack([near_home[0], sized(own, near_home[1])]))
+    own, (x_units, y_units) = own.moved_into(units), np.split(units, [len(system.x)])
     y, orders, errors, codes, jets = climb(
         write_tape(own.system),
         own,
-        array / x_units,
-        start / y_units,
+        near_home[0] / x_units,
+        near_home[1] / y_units,
         value,
         order=order,
         tolerance=float(tolerance),
     )
-    y, errors = y * y_units, errors * y_units.max()
+    y, errors = y * y_units + y_home, errors * y_units.max()
+    errors = errors + np.finfo(float).eps * np.linalg.norm(home)
     failed = codes[codes != kernel.CONVERGED]
     status = _STATUS[int(failed[0])] if failed.size else Status.SUCCESS
     for part in (array, y, orders, errors):

@@ -96,7 +96,8 @@ def _classified(sheet: Branch, box: tuple[tuple[str, Interval], ...]) -> Hyperbo
 
 
 class _Work:
-    """One call of `solve_manifold`, its sheet fixed and classified; lengths are in common `units` (n,) of the states.
+    """One call of `solve_manifold`, its sheet fixed and classified; lengths are in common `units` (n,) of the states,
+    and places are told from the system's centres, `home` (n,).
 
     What is told is in those of the system: places, the values of the result, and its errors.
     """
@@ -114,10 +115,13 @@ class _Work:
         self.verdict = verdict
         self.system = branch.system
         intervals = np.array([box[s.name] for s in self.system.x])
-        x, y = _spread(branch, intervals)
-        self.units = common_units(branch.system, np.hstack([x, sized(branch, y)]))
+        own, self.home = branch.at_home()
+        self.x_home, self.y_home = np.split(self.home, [len(self.system.x)])
+        intervals = intervals - self.x_home[:, None]
+        x, y = _spread(own, intervals)
+        self.units = common_units(own.system, np.hstack([x, sized(own, y)]))
         self.x_units, self.y_units = np.split(self.units, [len(self.system.x)])
-        self.branch = branch.moved_into(self.units)
+        self.branch = own.moved_into(self.units)
         self.intervals = intervals / self.x_units[:, None]
         self.notes: list[str] = []
         self.errors: np.ndarray | None = None
@@ -162,8 +166,7 @@ class _Work:
         hopeless = self._hopeless()
         if hopeless:
             return self._result(Status.TOO_MANY_POINTS, hopeless, None)
-        centre = self.intervals.mean(axis=1)[None, :]
-        eigenvalues = self.verdict.eigenvalues(centre * self.x_units)[0]
+        eigenvalues = self.verdict.eigenvalues(self._middle)[0]
         solver = SegmentSolver(
             self.branch,
             epsilon=self.epsilon,
@@ -210,6 +213,11 @@ class _Work:
                 f"{LARGEST_SIZE[d]} points along {self._axes(rough)} do not resolve the surface; shrink the region"
             )
         return self._checked(surface.chopped(CHOPPED * self.tolerance * scale), grid, values)
+
+    @property
+    def _middle(self) -> np.ndarray:
+        """The middle of the region, (1, n_slow)."""
+        return (self.intervals.mean(axis=1) * self.x_units + self.x_home)[None, :]
 
     def _hopeless(self) -> str:
         """Why the points allowed cannot do, as M0 alone tells; empty where they may, or M0 has no point somewhere."""
@@ -287,8 +295,7 @@ class _Work:
         estimates = SAFETY * each.max(axis=0) + self.selection + rounding
         status, lost = Status.SUCCESS, False
         unstable = (np.real(np.linalg.eigvals(normal)) > 0).sum(axis=1)
-        centre = self.intervals.mean(axis=1)[None, :]
-        expected = int((np.real(self.verdict.eigenvalues(centre * self.x_units)[0]) > 0).sum())
+        expected = int((np.real(self.verdict.eigenvalues(self._middle)[0]) > 0).sum())
         scale = 1.0 + float(np.abs(y).max())
         if not np.isfinite(estimate):
             status, lost = Status.NON_FINITE, True
@@ -321,8 +328,10 @@ class _Work:
         points = np.empty((0, nx)) if grid is None else grid.reshape(-1, nx).copy()
         solved = np.empty((0, ny)) if values is None else values.reshape(-1, ny).copy()
         errors = np.full(len(points), np.inf) if self.errors is None else self.errors.reshape(-1).copy()
-        points, solved, errors = points * self.x_units, solved * self.y_units, errors * self.y_units.max()
+        points, solved = points * self.x_units + self.x_home, solved * self.y_units + self.y_home
+        errors = errors * self.y_units.max()
         estimates = self.y_units * (np.full(ny, np.inf) if estimates is None else estimates)
+        estimates = estimates + np.finfo(float).eps * np.abs(self.y_home)
         for array in (points, solved, errors, estimates):
             array.setflags(write=False)
         return SampledManifold(
@@ -338,18 +347,22 @@ class _Work:
             error_estimates=estimates,
             status=status,
             message=message if status.ok else f"{status.name}: {message}",
-            surface=surface and surface.in_units(self.x_units, self.y_units),
+            surface=surface and surface.in_units(self.x_units, self.y_units).moved(self.x_home, self.y_home),
         )
 
     def _place(self, x: np.ndarray) -> str:
-        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, x * self.x_units))
+        return ", ".join(
+            f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, x * self.x_units + self.x_home)
+        )
 
     def _length(self, size: float) -> str:
         """A length of the fast variables, at most."""
         return f"{size * self.y_units.max():.2g}"
 
     def _state(self, z: np.ndarray) -> str:
-        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z * self.units))
+        return ", ".join(
+            f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z * self.units + self.home)
+        )
 
 
 def _spread(sheet: Branch, intervals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.algebra.laurent import pole_order
 from gsp.errors import DeclarationError
 from gsp.results.card import Card
@@ -149,6 +150,20 @@ class SlowFastSystem(_Declared, Card):
             epsilon=self.epsilon,
             parameters=self.parameters,
             name=self.name,
+        )
+
+    @cached_property
+    def centres(self) -> Mapping[sp.Symbol, sp.Rational]:
+        """Where the states that are far from their origin are, at the parameters' values: see `gsp.algebra.centres`."""
+        values = dict(self.parameters)
+        return centres(tuple(e.xreplace(values) for e in (*self.f, *self.g)), self.states)
+
+    def about(self, centres: Mapping[sp.Symbol, sp.Expr]) -> SlowFastSystem:
+        """The same without observables, with v + c for each state v that has one of the `centres` c."""
+        there = {s: s + c for s, c in centres.items()}
+        slow, fast = ({s: rate.xreplace(there) for s, rate in of.items()} for of in (self.slow, self.fast))
+        return SlowFastSystem(
+            slow=slow, fast=fast, epsilon=self.epsilon, parameters=self.parameters, name=self.name
         )
 
     @property

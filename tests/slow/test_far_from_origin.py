@@ -65,3 +65,88 @@ def test_a_delayed_exit_far_from_the_origin_is_the_one_at_it(c: int) -> None:
     # Behind 0 the integral of v + v^2/2 takes the value again that it has at -1/2.
     exit_at = max(root.real for root in np.roots([1 / 6, 1 / 2, 0, -(0.125 - 0.125 / 6)]))
     assert passed.point["x"] - c == pytest.approx(exit_at, abs=1e-9 + 1e3 * c * np.finfo(float).eps)
+
+
+# {slow: f}, {fast: g} and a point next to the sheet, each state to be shifted by its own distance.
+z = sp.Symbol("z")
+HALF = sp.Rational(1, 2)
+FIELDS = [
+    ({x: -x + (x + HALF) * y}, {y: x - (x + 1) * y}, {x: 1, y: HALF}),
+    ({x: -z, z: x - z}, {y: x * z + 1 + (x + z) ** 3 - (2 + sp.cos(x)) * y}, {x: HALF, z: HALF, y: 1}),
+    ({x: z / 8 - 9 * y / 8, z: sp.Integer(1)}, {y: x + y**2 + y**3 / 10}, {x: -HALF, z: -HALF, y: -HALF}),
+    (
+        {x: 1 - x - x * sp.exp(y / (1 + y / 20)) / 10},
+        {y: x * sp.exp(y / (1 + y / 20)) / 4 - 2 * y},
+        {x: HALF, y: 0},
+    ),
+    (
+        {x: sp.Integer(1)},
+        {y: x * y - z - y * (y**2 + z**2), z: y + x * z - z * (y**2 + z**2)},
+        {x: -HALF, y: 0, z: 0},
+    ),
+]
+Shifted = tuple[gsp.SlowFastSystem, dict[sp.Symbol, sp.Expr], np.ndarray]
+
+
+def shifted(field: tuple, c: int) -> Shifted:
+    """The system, the point, and by how much each of its states is shifted: 2 c, -3 c and 5 c."""
+    slow, fast, point = field
+    there = dict(zip([*slow, *fast], (2 * c, -3 * c, 5 * c)))
+    back = {s: s - far for s, far in there.items()}
+    moved = [{s: rate.xreplace(back) for s, rate in rates.items()} for rates in (slow, fast)]
+    system = gsp.SlowFastSystem(slow=moved[0], fast=moved[1], epsilon=epsilon)
+    return system, {s: v + there[s] for s, v in point.items()}, np.array(list(there.values()), dtype=float)
+
+
+@pytest.mark.parametrize("c", [300, 10**6])
+@pytest.mark.parametrize("field", FIELDS)
+def test_states_that_are_shifted_by_different_distances_keep_the_digits_of_the_series(
+    field: tuple, c: int
+) -> None:
+    """Coefficients of order 2 were rounding altogether, up to 1e60."""
+    found = []
+    for by in (0, c):
+        system, point, there = shifted(field, by)
+        branch = gsp.solve_critical(system).nearest({s.name: float(v) for s, v in point.items()})
+        slow = {s.name: float(point[s]) for s in system.x}
+        terms = gsp.expand(branch, order=3).terms(slow, 0.01)
+        found.append(terms - np.outer([1, 0, 0, 0], there[len(system.x) :]))
+    assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e3 * c * np.finfo(float).eps)
+
+
+@pytest.mark.parametrize("c", [300, 10**6])
+def test_points_of_a_shifted_slow_manifold_are_those_at_the_origin(c: int) -> None:
+    """With states at 2e6, -3e6 and 5e6 the surface was flat, and the points of order 0."""
+    found = []
+    for by in (0, c):
+        system, point, there = shifted(FIELDS[1], by)
+        branch = gsp.solve_critical(system).branches[0]
+        slow = {s.name: float(point[s]) for s in system.x}
+        around = {name: (v - 0.1, v + 0.1) for name, v in slow.items()}
+        solved = gsp.solve_manifold(branch, region=around, epsilon=0.02, tolerance=1e-8)
+        pointwise = gsp.zero_derivative(branch, slow, epsilon=0.02)
+        assert abs(pointwise.y - solved.evaluate(slow)) <= pointwise.error + solved.error_estimate
+        found.append(pointwise.y - there[-1:])
+    assert found[1] == pytest.approx(found[0], abs=1e-11 + 1e2 * c * np.finfo(float).eps)
+
+
+@pytest.mark.parametrize("c", [0, 10**6])
+def test_a_fold_far_from_the_origin_is_passed_like_the_one_at_it(c: int) -> None:
+    """Newton's method was to come nearer to it than the rounding of c, and there was no fold."""
+    u, v = x - c, y - 2 * c
+    system = gsp.SlowFastSystem(slow={x: -v}, fast={y: u - v**3 / 3 + v}, epsilon=epsilon)
+    passage = gsp.fold_passage(
+        system, {"x": c - 2 / 3, "y": 2 * c + 1}, region={"x": (c - 2, c + 2), "y": (2 * c - 3, 2 * c + 3)}
+    )
+    assert passage.a * passage.b == pytest.approx(1.0, rel=1e-6)
+    assert passage.exit(0.001)["x"] - c == pytest.approx(-0.6885126840426017, abs=1e-8)
+
+
+@pytest.mark.parametrize("c", [0, 10**6])
+def test_a_branch_far_from_the_origin_has_equilibria_to_the_rounding_of_its_points(c: int) -> None:
+    u, v = x - c, y - c
+    system = gsp.SlowFastSystem(slow={x: -u}, fast={y: u + 3 * v - v**3 / 9 + 2}, epsilon=epsilon)
+    branch = gsp.solve_critical(system).nearest({"x": c, "y": c + 5})
+    verdict = gsp.classify(branch, region={"x": (c - 1, c + 1), "y": (c + 4, c + 8)})
+    assert verdict.holds
+    assert verdict.kind.value == "attracting"

@@ -1,0 +1,127 @@
+"""Where expressions have their own origin: the numbers c with v - c for v they are the shortest polynomials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+
+import flint
+import sympy as sp
+
+from gsp.algebra.factorisation import quotient
+from gsp.algebra.polynomials import FACTOR_TERMS, length, middles, rational
+
+# A polynomial and the meanings of its generators.
+Piece = tuple[flint.fmpq_mpoly, tuple[sp.Expr, ...]]
+
+
+@lru_cache(maxsize=64)
+def centres(expressions: tuple[sp.Expr, ...], symbols: tuple[sp.Symbol, ...]) -> dict[sp.Symbol, sp.Rational]:
+    """The rational numbers c, those that are not 0, by symbol v: with v - c for v in all of `expressions` their
+    polynomials are the shortest.
+
+    Tried are the zeros of sums a v + b that are written in them, and the centres of their polynomials. Arguments of
+    functions count as expressions of their own; polynomials over the budget do not.
+    """
+    places = first = _Places(expressions, symbols)
+    while (better := places.better()) is not None:
+        places = better
+    found = {symbol: c for symbol, c in places.found.items() if c != 0}
+    # Digits are lost by large coefficients alone. And what is saved is not only moved into the centres, as of 3 - x.
+    bits = sum(int(c.p).bit_length() + int(c.q).bit_length() for c in found.values())
+    if places.largest >= first.largest or first.length - places.length <= bits:
+        return {}
+    return {s: rational(c) for s, c in found.items()}
+
+
+class _Places:
+    """The polynomials in `symbols` less what was `found` for each."""
+
+    def __init__(self, expressions: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> None:
+        self.written = _zeros(expressions)
+        self.pieces = list(_pieces(expressions))
+        self.found = dict.fromkeys(symbols, flint.fmpq(0))
+
+    def moved(self, symbol: sp.Symbol, step: flint.fmpq) -> _Places:
+        result = object.__new__(_Places)
+        result.written = self.written
+        result.pieces = [
+            (_moved(p, atoms.index(symbol), step) if symbol in atoms else p, atoms) for p, atoms in self.pieces
+        ]
+        result.found = self.found | {symbol: self.found[symbol] + step}
+        return result
+
+    def better(self) -> _Places | None:
+        """What one step makes the shortest; else two steps of different symbols, as for x + t - c; else None."""
+        singles = [(saved, s, step) for s in self.found for saved, step in self._steps(s)]
+        best = max(singles, key=lambda row: row[0], default=None)
+        if best is None or best[0] > 0:
+            return None if best is None else self.moved(*best[1:])
+        for saved, symbol, step in singles:
+            there = self.moved(symbol, step)
+            for other in [s for s in self.found if s != symbol]:
+                for more, second in there._steps(other):
+                    after = there.moved(other, second) if saved + more >= 0 else there
+                    if saved + more > 0 or (saved + more == 0 and after.terms < self.terms):
+                        return after
+        return None
+
+    @property
+    def length(self) -> int:
+        """That of all polynomials together."""
+        return sum(length(p) for p, _ in self.pieces)
+
+    @property
+    def largest(self) -> int:
+        """The largest coefficient of all polynomials, without its sign."""
+        return max((abs(int(c)) for p, _ in self.pieces for c in p.coeffs()), default=0)
+
+    @property
+    def terms(self) -> int:
+        """Terms of all polynomials."""
+        return sum(len(p) for p, _ in self.pieces)
+
+    def _steps(self, symbol: sp.Symbol) -> Iterator[tuple[int, flint.fmpq]]:
+        """(bits that it saves, step) for each step of `symbol` that is tried."""
+        own = [(p, atoms.index(symbol)) for p, atoms in self.pieces if symbol in atoms]
+        own = [(p, i) for p, i in own if p.degrees()[i] > 0]
+        here = self.found[symbol]
+        steps = {c - here for c in self.written.get(symbol, ())}
+        for p, i in own:
+            steps |= {flint.fmpq(c.leading_coefficient()) for c in middles(p, i) if c.is_constant()}
+        before = sum(length(p) for p, _ in own)
+        for step in sorted(steps - {flint.fmpq(0)}):
+            yield before - sum(length(_moved(p, i, step)) for p, i in own), step
+
+
+def _moved(polynomial: flint.fmpq_mpoly, i: int, step: flint.fmpq) -> flint.fmpq_mpoly:
+    """P(v + step) in generator i."""
+    generators = polynomial.context().gens()
+    return polynomial.compose(*[v + step if k == i else v for k, v in enumerate(generators)])
+
+
+def _pieces(expressions: Sequence[sp.Expr]) -> Iterator[Piece]:
+    """Numerators and denominators of the expressions, and of the arguments of the functions in them."""
+    waiting, seen = list(expressions), set()
+    while waiting:
+        expression = waiting.pop()
+        found = None if expression in seen else quotient(expression)
+        seen.add(expression)
+        if found is None:
+            continue
+        for polynomial in (found.numerator, found.denominator):
+            if not polynomial.is_constant() and len(polynomial) <= FACTOR_TERMS:
+                yield polynomial, found.atoms
+        waiting += [e for atom in found.atoms if not atom.is_Symbol for e in atom.args]
+
+
+def _zeros(expressions: Sequence[sp.Expr]) -> Mapping[sp.Symbol, set[flint.fmpq]]:
+    """-b/a of the sums a v + b in the expressions, by symbol v."""
+    found: dict[sp.Symbol, set[flint.fmpq]] = {}
+    for total in set().union(*(e.atoms(sp.Add) for e in expressions)):
+        b, term = total.as_coeff_Add()
+        a, v = term.as_coeff_Mul()
+        if v.is_Symbol and a.is_Rational and b.is_Rational:
+            zero = -b / a
+            found.setdefault(v, set()).add(flint.fmpq(int(zero.p), int(zero.q)))
+    return found
