@@ -23,13 +23,14 @@ def centres(expressions: tuple[sp.Expr, ...], symbols: tuple[sp.Symbol, ...]) ->
     Tried are the zeros of sums a v + b that are written in them, and the centres of their polynomials. Arguments of
     functions count as expressions of their own; polynomials over the budget do not.
     """
-    places = first = _Places(expressions, symbols)
-    while (better := places.better()) is not None:
-        places = better
+    places = _Places(expressions, symbols)
+    length, largest = places.length, places.largest
+    while places.improve():
+        pass
     found = {symbol: c for symbol, c in places.found.items() if c != 0}
     # Digits are lost by large coefficients alone. And what is saved is not only moved into the centres, as of 3 - x.
     bits = sum(int(c.p).bit_length() + int(c.q).bit_length() for c in found.values())
-    if places.largest >= first.largest or first.length - places.length <= bits:
+    if places.largest >= largest or length - places.length <= bits:
         return {}
     return {s: rational(c) for s, c in found.items()}
 
@@ -38,60 +39,80 @@ class _Places:
     """The polynomials in `symbols` less what was `found` for each."""
 
     def __init__(self, expressions: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> None:
-        self.written = _zeros(expressions)
-        self.pieces = list(_pieces(expressions))
+        pieces = list(_pieces(expressions))
+        self.polynomials = [p for p, _ in pieces]
         self.found = dict.fromkeys(symbols, flint.fmpq(0))
+        self._written = _zeros(expressions)
+        # Where each symbol is: (piece, generator).
+        self._where: dict[sp.Symbol, list[tuple[int, int]]] = {s: [] for s in symbols}
+        for k, (p, atoms) in enumerate(pieces):
+            for i, (atom, degree) in enumerate(zip(atoms, p.degrees())):
+                if degree > 0 and atom in self._where:
+                    self._where[atom].append((k, i))
+        self._beside: dict[sp.Symbol, dict[sp.Symbol, None]] = {}
+        for s, places in self._where.items():
+            there = (atom for k, _ in places for atom in pieces[k][1] if atom in self._where and atom != s)
+            self._beside[s] = dict.fromkeys(there)
+        self._tried: dict[sp.Symbol, list[tuple[int, flint.fmpq]]] = {}
 
-    def moved(self, symbol: sp.Symbol, step: flint.fmpq) -> _Places:
-        result = object.__new__(_Places)
-        result.written = self.written
-        result.pieces = [
-            (_moved(p, atoms.index(symbol), step) if symbol in atoms else p, atoms) for p, atoms in self.pieces
-        ]
-        result.found = self.found | {symbol: self.found[symbol] + step}
-        return result
-
-    def better(self) -> _Places | None:
-        """What one step makes the shortest; else two steps of different symbols, as for x + t - c; else None."""
+    def improve(self) -> bool:
+        """Take the step that saves most; else two steps of symbols in one piece, as for x + t - c; else False."""
         singles = [(saved, s, step) for s in self.found for saved, step in self._steps(s)]
         best = max(singles, key=lambda row: row[0], default=None)
-        if best is None or best[0] > 0:
-            return None if best is None else self.moved(*best[1:])
+        if best is None:
+            return False
+        if best[0] > 0:
+            self._move(*best[1:])
+            return True
+        terms = self.terms
         for saved, symbol, step in singles:
-            there = self.moved(symbol, step)
-            for other in [s for s in self.found if s != symbol]:
-                for more, second in there._steps(other):
-                    after = there.moved(other, second) if saved + more >= 0 else there
-                    if saved + more > 0 or (saved + more == 0 and after.terms < self.terms):
-                        return after
-        return None
+            self._move(symbol, step)
+            for other in self._beside[symbol]:
+                for more, second in self._steps(other):
+                    if saved + more >= 0:
+                        self._move(other, second)
+                        if saved + more > 0 or self.terms < terms:
+                            return True
+                        self._move(other, -second)
+            self._move(symbol, -step)
+        return False
 
     @property
     def length(self) -> int:
         """That of all polynomials together."""
-        return sum(length(p) for p, _ in self.pieces)
+        return sum(map(length, self.polynomials))
 
     @property
     def largest(self) -> int:
         """The largest coefficient of all polynomials, without its sign."""
-        return max((abs(int(c)) for p, _ in self.pieces for c in p.coeffs()), default=0)
+        return max((abs(int(c)) for p in self.polynomials for c in p.coeffs()), default=0)
 
     @property
     def terms(self) -> int:
         """Terms of all polynomials."""
-        return sum(len(p) for p, _ in self.pieces)
+        return sum(map(len, self.polynomials))
 
-    def _steps(self, symbol: sp.Symbol) -> Iterator[tuple[int, flint.fmpq]]:
+    def _move(self, symbol: sp.Symbol, step: flint.fmpq) -> None:
+        for k, i in self._where[symbol]:
+            self.polynomials[k] = _moved(self.polynomials[k], i, step)
+        self.found[symbol] += step
+        for other in (symbol, *self._beside[symbol]):
+            self._tried.pop(other, None)
+
+    def _steps(self, symbol: sp.Symbol) -> list[tuple[int, flint.fmpq]]:
         """(bits that it saves, step) for each step of `symbol` that is tried."""
-        own = [(p, atoms.index(symbol)) for p, atoms in self.pieces if symbol in atoms]
-        own = [(p, i) for p, i in own if p.degrees()[i] > 0]
-        here = self.found[symbol]
-        steps = {c - here for c in self.written.get(symbol, ())}
-        for p, i in own:
-            steps |= {flint.fmpq(c.leading_coefficient()) for c in middles(p, i) if c.is_constant()}
-        before = sum(length(p) for p, _ in own)
-        for step in sorted(steps - {flint.fmpq(0)}):
-            yield before - sum(length(_moved(p, i, step)) for p, i in own), step
+        if symbol not in self._tried:
+            own = [(self.polynomials[k], i) for k, i in self._where[symbol]]
+            here = self.found[symbol]
+            steps = {c - here for c in self._written.get(symbol, ())}
+            for p, i in own:
+                steps |= {flint.fmpq(c.leading_coefficient()) for c in middles(p, i) if c.is_constant()}
+            before = sum(length(p) for p, _ in own)
+            self._tried[symbol] = [
+                (before - sum(length(_moved(p, i, step)) for p, i in own), step)
+                for step in sorted(steps - {flint.fmpq(0)})
+            ]
+        return self._tried[symbol]
 
 
 def _moved(polynomial: flint.fmpq_mpoly, i: int, step: flint.fmpq) -> flint.fmpq_mpoly:
