@@ -22,7 +22,7 @@ from gsp.proofs import balls
 from gsp.proofs.covering import Covering, Part, cover, share_of, sharpen
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.tubes import Box, middle_of
-from gsp.systems.region import ImageBox, Interval
+from gsp.systems.region import ImageBox, Interval, shown_region
 from gsp.systems.scattered_points import halton
 
 # Ball operations of one evaluation, times boxes, that are spent: up to half a second. The number of boxes is held
@@ -81,12 +81,11 @@ class Exclusion:
         if self.is_complete:
             boxes = "1 box" if self.tried == 1 else f"{self.tried} boxes"
             return f"between them enclosures over {boxes} leave no loss"
-        ends = [
-            f"{name} in [{min(box[name][0] for box in self.left):.6g}, {max(box[name][1] for box in self.left):.6g}]"
-            for name in self.left[0]
-        ]
+        ends = {
+            n: (min(box[n][0] for box in self.left), max(box[n][1] for box in self.left)) for n in self.left[0]
+        }
         over = "the whole region" if self.share == 1.0 else f"a share of {self.share:.2g} of the region"
-        return f"between them a loss is not excluded over {over}, {', '.join(ends)}"
+        return f"between them a loss is not excluded over {over}, {shown_region(ends)}"
 
 
 def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exclusion:

@@ -28,7 +28,7 @@ from gsp.proofs.verdict import ProofVerdict
 from gsp.results.bounds import as_given, at_least
 from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
-from gsp.systems.region import ImageBox, Interval, check_region
+from gsp.systems.region import ImageBox, Interval, check_region, shown_region
 
 # Boxes that are tried unless told otherwise: seconds.
 MOST_BOXES = 20_000
@@ -299,8 +299,6 @@ def _undefined(problem: _BoxProblem, covering: Covering) -> str:
             undefined_within(problem.graph, equations.x, x) if problem.graph else None
         )
         if found is not None:
-            where = ", ".join(
-                f"{s.name} in [{low:.6g}, {high:.6g}]" for s, (low, high) in zip(equations.x, part.box)
-            )
+            where = shown_region(dict(zip([s.name for s in equations.x], part.box)))
             return f"{found} has a pole or a branch point, or comes near one, over {where}"
     return ""

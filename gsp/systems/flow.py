@@ -193,10 +193,15 @@ def values_by_name(values: Point, *, what: str) -> dict[str, float]:
     return result
 
 
-def in_words(values: Mapping[Any, float] | Iterable[tuple[Any, float]], digits: int = 6) -> str:
-    """Numbers by name, or by symbol, in a line of text, such as "x = 0.5, y = -1"."""
-    pairs = values.items() if isinstance(values, Mapping) else values
-    return ", ".join(f"{getattr(name, 'name', name)} = {value:.{digits}g}" for name, value in pairs)
+def in_words(
+    values: Mapping[Any, float] | Iterable[tuple[Any, float]],
+    digits: int = 6,
+    more: Mapping[str, int] = MappingProxyType({}),
+) -> str:
+    """Numbers by name, or by symbol, in a line of text, such as "x = 0.5, y = -1"; some to `more` digits, by name."""
+    pairs = list(values.items() if isinstance(values, Mapping) else values)
+    names = [str(getattr(name, "name", name)) for name, _ in pairs]
+    return ", ".join(f"{n} = {value:.{more.get(n, digits)}g}" for n, (_, value) in zip(names, pairs))
 
 
 def check_epsilon(value: float, *, what: str = "epsilon") -> float:

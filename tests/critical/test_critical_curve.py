@@ -731,3 +731,14 @@ def test_points_have_their_names_whatever_contracts_much_faster(rate: int) -> No
     rotating = {u: x * u - v - u**3, v: u + x * v - v**3}
     assert named(1, rotating, {"x": -1, "u": 0, "v": 0}) == [LossKind.HOPF]
     assert set(named(-1, {u: x - u**2}, {"x": 1, "u": 1})) == {LossKind.FOLD, LossKind.NEUTRAL_SADDLE}
+
+
+def test_a_curve_far_from_the_origin_is_told_so_that_its_ends_are_told_apart() -> None:
+    """It went from 999999 to 1e+06 and ended at 1e+06."""
+    x, y, epsilon = sp.symbols("x y epsilon")
+    c = 10**6
+    system = gsp.SlowFastSystem(slow={x: c - y}, fast={y: x - c - (y - c) * 2}, epsilon=epsilon)
+    bounds = {"x": (c - 1, c + 0.25), "y": (c - 3, c + 3)}
+    text = str(gsp.continue_critical(system, start={"x": c, "y": c}, bounds=bounds))
+    assert "x from 999999 to 1000000.25" in text
+    assert "forward BOUND_REACHED at x = 1000000.25" in text

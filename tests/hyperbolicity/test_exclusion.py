@@ -253,3 +253,10 @@ def test_boxes_are_cut_across_the_variable_of_a_root_alone() -> None:
     assert two is not None
     assert one.tried == two.tried
     assert not two.left
+
+
+def test_what_is_left_far_from_the_origin_is_told_so_that_its_ends_are_told_apart() -> None:
+    """It was told as "t in [1e+06, 1e+06]"."""
+    left = ({"t": (1000000.25, 1000000.3125)},)
+    found = Exclusion(left=left, share=0.01, gap=0.0, tried=4, reason="")
+    assert "t in [1000000.25, 1000000.3125]" in str(found)

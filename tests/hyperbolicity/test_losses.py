@@ -743,3 +743,15 @@ def test_a_place_at_a_corner_of_the_region_is_told_without_rounding() -> None:
     losses = classify(branch, region={"x": (0, 1), "z": (0, 2)}).losses
     assert losses
     assert all(loss.point["x"] == loss.point["z"] == 0.0 for loss in losses)
+
+
+def test_a_loss_far_from_the_origin_is_told_so_that_its_place_is_seen() -> None:
+    """It was told at t = 1e+06, y = 1e+06."""
+    t, y, epsilon = sp.symbols("t y epsilon")
+    v = y - 10**6
+    system = SlowFastSystem(
+        slow={t: sp.Integer(1)}, fast={y: v * (t - 10**6 - sp.Rational(1, 4) - v)}, epsilon=epsilon
+    )
+    branch = next(b for b in solve_critical(system).branches if b.graph == {y: 10**6})
+    (loss,) = classify(branch, region={"t": (10**6 - 1, 10**6 + 1)}).losses
+    assert loss.headline == "transcritical point: zero eigenvalue at t = 1000000.25, y = 1000000"

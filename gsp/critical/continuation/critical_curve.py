@@ -15,8 +15,8 @@ from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
-from gsp.systems.flow import frozen
-from gsp.systems.region import Interval
+from gsp.systems.flow import frozen, in_words
+from gsp.systems.region import Interval, digits_between, shown_ends
 
 # The name that endings of continuations had before there was one vocabulary.
 Ending = Status
@@ -140,7 +140,7 @@ class NamedCurve(NamedPoints):
         title, rows = self._headed()
         ranges, inside, outside = [], [], []
         for name in self.names:
-            low, high = (f"{self._told(name, v):.6g}" for v in (self[name].min(), self[name].max()))
+            low, high = shown_ends((self._told(name, self[name].min()), self._told(name, self[name].max())))
             ranges.append(f"  {name} = {low} throughout" if low == high else f"  {name} from {low} to {high}")
         for point in self.special:
             told = replace(point, point={name: self._told(name, value) for name, value in point.point.items()})
@@ -271,7 +271,9 @@ def say(
     for ending, u, bound in stops:
         names = [bound] if bound else [s.name for s in problem.unknowns]
         point = problem.point(u)
-        text = f"{ending.name} at " + ", ".join(f"{name} = {point[name]:.6g}" for name in names)
+        sizes = zip(problem.unknowns, u.tolist(), scales.tolist())
+        digits = {s.name: digits_between((value, value + size)) for s, value, size in sizes}
+        text = f"{ending.name} at {in_words([(name, point[name]) for name in names], more=digits)}"
         if not ending.ok:
             values = problem.eigenvalues(u[None, :])[0]
             if np.isfinite(values).all():
@@ -281,7 +283,7 @@ def say(
             if distances and min(distances) < 0.05:
                 close = special[int(np.argmin(distances))]
                 first = problem.unknowns[0].name
-                text += f"; close to the {close.kind} at {first} = {close[first]:.6g}"
+                text += f"; close to the {close.kind} at {in_words([(first, close[first])], more=digits)}"
             text += f" ({ending.meaning}; {REMEDIES.get(ending, ending.remedy)})"
         texts.append(text)
     if len(texts) == 2:

@@ -23,7 +23,7 @@ from gsp.critical.sheet_points import EQUAL
 from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.fibre import FibreOrder, order_along
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, digits_between
 
 # Losses nearer than this to an edge of the region, relative to its width, are on the edge.
 EDGE = 1e-7
@@ -187,7 +187,21 @@ class Diagnosis:
             remedy=verdict.remedy,
             note=note,
             on_edge=on_edge,
+            digits=self._digits,
         )
+
+    @cached_property
+    def _digits(self) -> dict[str, int]:
+        """To how many digits places are told, by state, so that those of the samples can be told apart."""
+        names = [s.name for s in self.sampler.system.states]
+        known = self.samples[np.isfinite(self.samples).all(axis=1)]
+        ends = zip(known.min(axis=0, initial=np.inf), known.max(axis=0, initial=-np.inf))
+        # A state that is the same at all of them is told beside 1.
+        return {
+            name: digits_between((low, high if high > low else low + 1.0))
+            for name, (low, high) in zip(names, ends)
+            if np.isfinite(low)
+        }
 
     def extent(self, z: np.ndarray, left: np.ndarray) -> float:
         """How far the branch moves along the fast fibre, max |<l, y - y*>|; else as fast bounds let it; else 0."""

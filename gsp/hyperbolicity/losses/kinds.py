@@ -57,7 +57,8 @@ class Loss(Card):
     - `consequence` says what orbits do, `may_reduce` whether reduction may go on through it, and `remedy` how;
     - `samples` counts the points of a curve or surface of such losses that this one stands for, `extent` gives the
       range of each slow variable over them;
-    - `on_edge`: the place is on the edge of the region, so that one side of it only was examined.
+    - `on_edge`: the place is on the edge of the region, so that one side of it only was examined;
+    - `digits` to which its place is told, by name, so that places of the region can be told apart.
     """
 
     point: Mapping[str, float]
@@ -74,6 +75,7 @@ class Loss(Card):
     samples: int = 1
     extent: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     on_edge: bool = False
+    digits: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def is_pole(self) -> bool:
@@ -112,7 +114,7 @@ class Loss(Card):
         """Kind and place, in one line."""
         many = f", one of {self.samples} samples of it" if self.samples > 1 else ""
         edge = ", on the edge of the region" if self.on_edge else ""
-        return f"{self.kind}: {self.crossing} at {in_words(self.point)}{many}{edge}"
+        return f"{self.kind}: {self.crossing} at {in_words(self.point, more=self.digits)}{many}{edge}"
 
     def __repr__(self) -> str:
         return f"Loss({self.headline})"
