@@ -154,7 +154,9 @@ class Branch(Portable, Card):
         """The same branch with the sizes of its states at `point` (n,) and in bounds, where no region has told them."""
         if self.units is not None:
             return self
-        return replace(self, units=tuple(powers_of_two(own_sizes(self.system, point, bounds)).tolist()))
+        # About its centres: how far a state is from the origin is no size of what it does.
+        system, home = self.system.about(self.system.centres), self.system.home
+        return replace(self, units=tuple(powers_of_two(own_sizes(system, point - home, bounds)).tolist()))
 
     def moved_into(self, units: np.ndarray) -> Branch:
         """The branch of the same system with its states in `units` (n,), powers of two; itself where each is 1."""
@@ -176,8 +178,7 @@ class Branch(Portable, Card):
 
     def at_home(self) -> tuple[Branch, np.ndarray]:
         """(branch, c): the branch of the system about its centres c (n,), and these; itself where all are 0."""
-        system, found = self.system, self.system.centres
-        home = np.array([float(found.get(s, 0)) for s in system.states])
+        system, found, home = self.system, self.system.centres, self.system.home
         if not found:
             return self, home
         there = {s: s + c for s, c in found.items()}

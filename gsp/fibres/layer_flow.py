@@ -54,6 +54,11 @@ class LayerFlow:
             sizes = np.where(np.finfo(float).eps * made > RESOLVED * sizes, made, sizes)
         return replace(plain, units=powers_of_two(np.where(sizes > 0.0, sizes, 1.0)))
 
+    def at_home(self) -> tuple[LayerFlow, np.ndarray]:
+        """The layer of the system about its centres, and those of y (n_fast,)."""
+        system, (x, y) = self.system, np.split(self.system.home, [len(self.x)])
+        return replace(self, system=system.about(system.centres), x=self.x - x), y
+
     def rates(self, y: np.ndarray) -> np.ndarray:
         return self.direction * self._function(self._rates, y) / self.units
 

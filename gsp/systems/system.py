@@ -158,8 +158,15 @@ class SlowFastSystem(_Declared, Card):
         values = dict(self.parameters)
         return centres(tuple(e.xreplace(values) for e in (*self.f, *self.g)), self.states)
 
+    @property
+    def home(self) -> np.ndarray:
+        """The `centres` of the states (n,), 0 for those that have none."""
+        return np.array([float(self.centres.get(s, 0)) for s in self.states])
+
     def about(self, centres: Mapping[sp.Symbol, sp.Expr]) -> SlowFastSystem:
-        """The same without observables, with v + c for each state v that has one of the `centres` c."""
+        """The same with v + c for each state v that has one of the `centres` c, without observables then."""
+        if not centres:
+            return self
         there = {s: s + c for s, c in centres.items()}
         slow, fast = ({s: rate.xreplace(there) for s, rate in of.items()} for of in (self.slow, self.fast))
         return SlowFastSystem(

@@ -150,3 +150,15 @@ def test_a_branch_far_from_the_origin_has_equilibria_to_the_rounding_of_its_poin
     verdict = gsp.classify(branch, region={"x": (c - 1, c + 1), "y": (c + 4, c + 8)})
     assert verdict.holds
     assert verdict.kind.value == "attracting"
+
+
+@pytest.mark.parametrize("c", [10**4, 10**6])
+def test_a_relaxation_cycle_far_from_the_origin_closes_with_the_period_at_it(c: int) -> None:
+    """Drops were measured in the distance from the origin, and landed nowhere."""
+    u, v = x - c, y - c
+    system = gsp.SlowFastSystem(slow={x: -v}, fast={y: u - v**3 / 3 + v}, epsilon=epsilon)
+    branch = gsp.solve_critical(system).branches[0]
+    orbit = gsp.singular_orbit(branch, {"x": c + 0.6, "y": c + 2})
+    expected = [3 - 2 * np.log(2), 7.01432224, 1 / 3]
+    # T_1 and T_2 are differences over 1e-5, of runs that are told to 1e-11 of where the states are.
+    assert orbit.coefficients == pytest.approx(expected, abs=1e-8 * c)

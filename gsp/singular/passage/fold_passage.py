@@ -239,7 +239,10 @@ def _located(
                 value=value,
             )
     u = np.array(complete(given, system.states, what="fold"))
-    scales = natural_scales(problem, u, box) if sizes is None else np.array(sizes)
+    home, there = system.home, LayerProblem.over_all(system.about(system.centres))
+    own = natural_scales(there, u - home, box)
+    # Of a state that is far from the origin its size there says nothing.
+    scales = own if sizes is None else np.where(home == 0.0, np.array(sizes), own)
     where = in_words(problem.point(u), 8)
     found = None
     try:
