@@ -43,7 +43,7 @@ def centred(
     """(Q, m) with Q(m) = P(`meaning`), each generator v replaced by v - c where that makes P shorter.
 
     (t - c)^4 + x is written so: its expansion cancels near t = c. Tried are the centres of P and of the polynomials
-    `beside` it.
+    `beside` it, and taken where no terms cancel that did not: x^2 - 2 x is not (x - 1)^2 - 1.
     """
     meaning, beside = list(meaning), list(beside)
     if len(polynomial) > FACTOR_TERMS:
@@ -56,7 +56,7 @@ def centred(
             for centre in [c for p in curved for c in middles(p, i)]:
                 moved = [v + centre if k == i else v for k, v in enumerate(generators)]
                 found = length(polynomial.compose(*moved)) + length(centre)
-                if found < shortest:
+                if found < shortest and _cancels_no_more(polynomial, polynomial.compose(*moved), i, centre):
                     best, shortest = (i, centre, moved), found
         if best is None:
             return polynomial, meaning
@@ -64,6 +64,19 @@ def centred(
         meaning[i] -= _sum(centre, meaning)
         polynomial, *beside = (p.compose(*moved) for p in (polynomial, *beside))
         shortest = length(polynomial)
+
+
+def _cancels_no_more(
+    polynomial: flint.fmpq_mpoly, moved: flint.fmpq_mpoly, i: int, centre: flint.fmpq_mpoly
+) -> bool:
+    """Whether the terms of `moved`, Q(v - c) = P, are no larger than those of P, but for one bit, wherever that is."""
+    context = polynomial.context()
+    sizes, step = (
+        context.from_dict({powers: abs(c) for powers, c in p.to_dict().items()}) for p in (moved, centre)
+    )
+    far = sizes.compose(*[v + step if k == i else v for k, v in enumerate(context.gens())]).to_dict()
+    own = polynomial.to_dict()
+    return all(size <= 2 * abs(own.get(powers, 0)) for powers, size in far.items())
 
 
 def middles(polynomial: flint.fmpq_mpoly, i: int) -> list[flint.fmpq_mpoly]:

@@ -78,8 +78,10 @@ def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
         )
     text = Markup(" and the slow manifold <i>M</i><sub>ε</sub> (blue).")
     if ends:
-        places = Markup(", ").join(number(value) for value in ends)
-        name = setter.inline(analysis.study.system.x[0])
+        x = analysis.study.system.x[0]
+        digits = digits_between(analysis.study.region[x.name], 3)
+        places = Markup(", ").join(number(value, digits) for value in ends)
+        name = setter.inline(x)
         text += Markup(
             " The blue line ends (circles) where the terms of its series stop falling, {} = {}."
         ).format(name, places)

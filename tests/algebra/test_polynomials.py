@@ -17,6 +17,11 @@ t, x, y = MEANING = sp.symbols("t x y")
         ((T - 80) ** 3 * (X + 70) ** 2 + Y, (t - 80) ** 3 * (x + 70) ** 2 + y),
         (T**2 - 2 * T, t**2 - 2 * t),
         ((T - Y**2) ** 2 + X, t**2 - 2 * t * y**2 + x + y**4),
+        # As 12 (t + x - y/2 - 2/3)^2 - 12 (x - 2/3)^2 - 64 y it is shorter, and cancels where t and y are small.
+        (
+            12 * T**2 + 24 * T * X - 12 * T * Y - 16 * T - 12 * X * Y + 3 * Y**2 - 56 * Y,
+            12 * t**2 + 24 * t * x - 12 * t * y - 16 * t - 12 * x * y + 3 * y**2 - 56 * y,
+        ),
     ],
 )
 def test_a_polynomial_is_written_about_its_centre_where_that_is_shorter(polynomial, written: sp.Expr) -> None:
