@@ -24,13 +24,13 @@ def centres(expressions: tuple[sp.Expr, ...], symbols: tuple[sp.Symbol, ...]) ->
     functions count as expressions of their own; polynomials over the budget do not.
     """
     places = _Places(expressions, symbols)
-    length, largest = places.length, places.largest
+    longest, largest = places.length, places.largest
     while places.improve():
         pass
     found = {symbol: c for symbol, c in places.found.items() if c != 0}
     # Digits are lost by large coefficients alone. And what is saved is not only moved into the centres, as of 3 - x.
     bits = sum(int(c.p).bit_length() + int(c.q).bit_length() for c in found.values())
-    if places.largest >= largest or length - places.length <= bits:
+    if places.largest >= largest or longest - places.length <= bits:
         return {}
     return {s: rational(c) for s, c in found.items()}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import flint
 import numpy as np
@@ -51,19 +51,27 @@ def centred(
     generators, shortest = polynomial.context().gens(), length(polynomial)
     while True:
         best = None
-        for i, degree in enumerate(polynomial.degrees()):
-            curved = [p for p in (polynomial, *beside) if degree > 0 and p.degrees()[i] > 1]
-            for centre in [c for p in curved for c in middles(p, i)]:
-                moved = [v + centre if k == i else v for k, v in enumerate(generators)]
-                found = length(polynomial.compose(*moved)) + length(centre)
-                if found < shortest and _cancels_no_more(polynomial, polynomial.compose(*moved), i, centre):
-                    best, shortest = (i, centre, moved), found
+        for i, centre in _tried(polynomial, beside, meaning):
+            further = [v + centre if k == i else v for k, v in enumerate(generators)]
+            moved = polynomial.compose(*further)
+            found = length(moved) + length(centre)
+            if found < shortest and _cancels_no_more(polynomial, moved, i, centre):
+                best, shortest = (i, centre, further, moved), found
         if best is None:
             return polynomial, meaning
-        i, centre, moved = best
+        i, centre, further, polynomial = best
         meaning[i] -= _sum(centre, meaning)
-        polynomial, *beside = (p.compose(*moved) for p in (polynomial, *beside))
-        shortest = length(polynomial)
+        beside, shortest = [p.compose(*further) for p in beside], length(polynomial)
+
+
+def _tried(
+    polynomial: flint.fmpq_mpoly, beside: Sequence[flint.fmpq_mpoly], meaning: Sequence[sp.Expr]
+) -> Iterator[tuple[int, flint.fmpq_mpoly]]:
+    """Generators, each with the centres that are tried; one that is linear has them where it has a centre already."""
+    for i in (i for i, degree in enumerate(polynomial.degrees()) if degree):
+        least = 1 if meaning[i].is_Add else 2
+        for p in (p for p in (polynomial, *beside) if p.degrees()[i] >= least):
+            yield from ((i, c) for c in middles(p, i))
 
 
 def _cancels_no_more(

@@ -46,8 +46,8 @@ class Claim:
     """What one method did: `measure` (n_epsilons, n_columns), which holds where it is at most `bound` and finite.
 
     `requirement` says what was measured. NaN stands for "could not be run here", which does not hold; where that is
-    so in every cell, `reason` may say why. `endings`, where they are known, are the names of how the
-    run of each cell ended.
+    so in every cell, `reason` may say why. `endings`, where they are known, are the names of how the run of each cell
+    ended.
     """
 
     method: str

@@ -155,8 +155,8 @@ class Branch(Portable, Card):
         if self.units is not None:
             return self
         # About its centres: how far a state is from the origin is no size of what it does.
-        system, home = self.system.about(self.system.centres), self.system.home
-        return replace(self, units=tuple(powers_of_two(own_sizes(system, point - home, bounds)).tolist()))
+        system, centre = self.system.about_centres, self.system.centre
+        return replace(self, units=tuple(powers_of_two(own_sizes(system, point - centre, bounds)).tolist()))
 
     def moved_into(self, units: np.ndarray) -> Branch:
         """The branch of the same system with its states in `units` (n,), powers of two; itself where each is 1."""
@@ -176,23 +176,23 @@ class Branch(Portable, Card):
             units=self.units and tuple((np.array(self.units) / units).tolist()),
         )
 
-    def at_home(self) -> tuple[Branch, np.ndarray]:
-        """(branch, c): the branch of the system about its centres c (n,), and these; itself where all are 0."""
-        system, found, home = self.system, self.system.centres, self.system.home
+    @cached_property
+    def about_centres(self) -> Branch:
+        """The branch of the system about its centres; itself where that has none."""
+        system, found, centre = self.system, self.system.centres, self.system.centre
         if not found:
-            return self, home
+            return self
         there = {s: s + c for s, c in found.items()}
-        x, y = np.split(home, [len(system.x)])
-        moved = replace(
+        x, y = np.split(centre, [len(system.x)])
+        return replace(
             self,
-            system=system.about(found),
+            system=system.about_centres,
             equations=tuple(e.xreplace(there) for e in self.equations),
             graph=self.graph and {s: h.xreplace(there) - found.get(s, 0) for s, h in self.graph.items()},
             seed=self.seed and (tuple((self.seed[0] - x).tolist()), tuple((self.seed[1] - y).tolist())),
             # The size of what is far from the origin is none about its centre.
-            units=self.units and tuple(1.0 if c else unit for unit, c in zip(self.units, home)),
+            units=self.units and tuple(1.0 if c else unit for unit, c in zip(self.units, centre)),
         )
-        return moved, home
 
     @cached_property
     def scales(self) -> tuple[np.ndarray, np.ndarray]:

@@ -190,9 +190,9 @@ def _loses_digits(branch: Branch, places: np.ndarray) -> bool:
 
 def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
     """Whether the branch's equations E and E_y are both singular at a point, to `ON_FOLD` of their terms' sizes."""
-    branch, home = branch.at_home()
+    centre, branch = branch.system.centre, branch.about_centres
     system = branch.system
-    x, y = x - home[: len(x)], y - home[len(x) :]
+    x, y = x - centre[: len(x)], y - centre[len(x) :]
 
     def at(expressions: Sequence[sp.Expr]) -> tuple[np.ndarray, np.ndarray]:
         """Values of sums, and the sums of their terms' magnitudes."""

@@ -308,10 +308,8 @@ class Sampler:
         lengths, shares = self.fast_lengths(z), []
         for point in z:
             slopes = np.abs(self.equilibria_jacobian(point[None])[0])
-            moved, rounded = (
-                slopes[:, len(self.system.x) :] @ lengths,
-                np.finfo(float).eps * slopes @ np.abs(point),
-            )
+            moved = slopes[:, len(self.system.x) :] @ lengths
+            rounded = np.finfo(float).eps * slopes @ np.abs(point)
             shares.append(np.max(rounded / moved, initial=0.0, where=rounded < moved))
         return float(max(shares))
 

@@ -38,14 +38,19 @@ def chebyshev() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=1)
-def _last_coefficients() -> np.ndarray:
+def _from_samples() -> np.ndarray:
     nodes, _, _ = chebyshev()
-    return np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, DEGREE))[-3:]
+    return np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, DEGREE))
+
+
+def coefficients(samples: np.ndarray) -> np.ndarray:
+    """Chebyshev coefficients of each row of `samples` (k, m): (k, m)."""
+    return samples @ _from_samples().T
 
 
 def tail(samples: np.ndarray) -> np.ndarray:
-    """Size of the last Chebyshev coefficients of each row of `samples` (k, m): (k,)."""
-    return np.abs(samples @ _last_coefficients().T).max(axis=1)
+    """Size of the last three Chebyshev coefficients of each row of `samples` (k, m): (k,)."""
+    return np.abs(samples @ _from_samples()[-3:].T).max(axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,10 +54,13 @@ class LayerFlow:
             sizes = np.where(np.finfo(float).eps * made > RESOLVED * sizes, made, sizes)
         return replace(plain, units=powers_of_two(np.where(sizes > 0.0, sizes, 1.0)))
 
-    def at_home(self) -> tuple[LayerFlow, np.ndarray]:
-        """The layer of the system about its centres, and those of y (n_fast,)."""
-        system, (x, y) = self.system, np.split(self.system.home, [len(self.x)])
-        return replace(self, system=system.about(system.centres), x=self.x - x), y
+    @property
+    def about_centres(self) -> LayerFlow:
+        """The layer of the system about its centres; itself where that has none."""
+        system = self.system
+        if not system.centres:
+            return self
+        return replace(self, system=system.about_centres, x=self.x - system.centre[: len(self.x)])
 
     def rates(self, y: np.ndarray) -> np.ndarray:
         return self.direction * self._function(self._rates, y) / self.units

@@ -79,9 +79,10 @@ def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
     text = Markup(" and the slow manifold <i>M</i><sub>ε</sub> (blue).")
     if ends:
         x = analysis.study.system.x[0]
-        digits = digits_between(analysis.study.region[x.name], 3)
-        places = Markup(", ").join(number(value, digits) for value in ends)
-        name = setter.inline(x)
+        places, name = (
+            Markup(", ").join(_coordinate(x.name, value, analysis) for value in ends),
+            setter.inline(x),
+        )
         text += Markup(
             " The blue line ends (circles) where the terms of its series stop falling, {} = {}."
         ).format(name, places)
@@ -311,15 +312,16 @@ def _at(analysis: Analysis, setter: Typesetter) -> Markup:
 
 
 def _place(point: Mapping[str, float], analysis: Analysis, setter: Typesetter, digits: int = 3) -> Markup:
-    """A point in the region, to so many digits or as many more as the ends of the region take to be told apart."""
-    region = analysis.scene.region
     return Markup(", ").join(
-        Markup("{} = {}").format(
-            setter.inline(sp.Symbol(name)),
-            number(value, digits_between(region[name], digits) if name in region else digits),
-        )
+        Markup("{} = {}").format(setter.inline(sp.Symbol(name)), _coordinate(name, value, analysis, digits))
         for name, value in point.items()
     )
+
+
+def _coordinate(name: str, value: float, analysis: Analysis, digits: int = 3) -> Markup:
+    """A place in the region, to so many digits or as many more as the ends of the region take to be told apart."""
+    region = analysis.study.region
+    return number(value, digits_between(region[name], digits) if name in region else digits)
 
 
 def _the_same(text: str) -> Callable[[Analysis, Typesetter], Markup]:

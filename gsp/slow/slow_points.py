@@ -121,22 +121,22 @@ def zero_derivative(
     if not array.size:
         raise DeclarationError("x has no point.", "Give one or more.")
     start = np.atleast_2d(branch.points(array, near=near))
-    own, home = branch.at_home()
-    x_home, y_home = np.split(home, [len(system.x)])
-    near_home = array - x_home, start - y_home
-    units = common_units(own.system, np.hstack([near_home[0], sized(own, near_home[1])]))
+    own, centre = branch.about_centres, branch.system.centre
+    x_centre, y_centre = np.split(centre, [len(system.x)])
+    from_centre = array - x_centre, start - y_centre
+    units = common_units(own.system, np.hstack([from_centre[0], sized(own, from_centre[1])]))
     own, (x_units, y_units) = own.moved_into(units), np.split(units, [len(system.x)])
     y, orders, errors, codes, jets = climb(
         write_tape(own.system),
         own,
-        near_home[0] / x_units,
-        near_home[1] / y_units,
+        from_centre[0] / x_units,
+        from_centre[1] / y_units,
         value,
         order=order,
         tolerance=float(tolerance),
     )
-    y, errors = y * y_units + y_home, errors * y_units.max()
-    errors = errors + np.finfo(float).eps * np.linalg.norm(home)
+    y, errors = y * y_units + y_centre, errors * y_units.max()
+    errors = errors + np.finfo(float).eps * np.linalg.norm(centre)
     failed = codes[codes != kernel.CONVERGED]
     status = _STATUS[int(failed[0])] if failed.size else Status.SUCCESS
     for part in (array, y, orders, errors):

@@ -97,7 +97,7 @@ def _classified(sheet: Branch, box: tuple[tuple[str, Interval], ...]) -> Hyperbo
 
 class _Work:
     """One call of `solve_manifold`, its sheet fixed and classified; lengths are in common `units` (n,) of the states,
-    and places are told from the system's centres, `home` (n,).
+    and places are told from the system's centres, `centre` (n,).
 
     What is told is in those of the system: places, the values of the result, and its errors.
     """
@@ -115,9 +115,9 @@ class _Work:
         self.verdict = verdict
         self.system = branch.system
         intervals = np.array([box[s.name] for s in self.system.x])
-        own, self.home = branch.at_home()
-        self.x_home, self.y_home = np.split(self.home, [len(self.system.x)])
-        intervals = intervals - self.x_home[:, None]
+        own, self.centre = branch.about_centres, branch.system.centre
+        self.x_centre, self.y_centre = np.split(self.centre, [len(self.system.x)])
+        intervals = intervals - self.x_centre[:, None]
         x, y = _spread(own, intervals)
         self.units = common_units(own.system, np.hstack([x, sized(own, y)]))
         self.x_units, self.y_units = np.split(self.units, [len(self.system.x)])
@@ -217,7 +217,7 @@ class _Work:
     @property
     def _middle(self) -> np.ndarray:
         """The middle of the region, (1, n_slow)."""
-        return (self.intervals.mean(axis=1) * self.x_units + self.x_home)[None, :]
+        return (self.intervals.mean(axis=1) * self.x_units + self.x_centre)[None, :]
 
     def _hopeless(self) -> str:
         """Why the points allowed cannot do, as M0 alone tells; empty where they may, or M0 has no point somewhere."""
@@ -328,10 +328,10 @@ class _Work:
         points = np.empty((0, nx)) if grid is None else grid.reshape(-1, nx).copy()
         solved = np.empty((0, ny)) if values is None else values.reshape(-1, ny).copy()
         errors = np.full(len(points), np.inf) if self.errors is None else self.errors.reshape(-1).copy()
-        points, solved = points * self.x_units + self.x_home, solved * self.y_units + self.y_home
+        points, solved = points * self.x_units + self.x_centre, solved * self.y_units + self.y_centre
         errors = errors * self.y_units.max()
         estimates = self.y_units * (np.full(ny, np.inf) if estimates is None else estimates)
-        estimates = estimates + np.finfo(float).eps * np.abs(self.y_home)
+        estimates = estimates + np.finfo(float).eps * np.abs(self.y_centre)
         for array in (points, solved, errors, estimates):
             array.setflags(write=False)
         return SampledManifold(
@@ -347,12 +347,13 @@ class _Work:
             error_estimates=estimates,
             status=status,
             message=message if status.ok else f"{status.name}: {message}",
-            surface=surface and surface.in_units(self.x_units, self.y_units).moved(self.x_home, self.y_home),
+            surface=surface
+            and surface.in_units(self.x_units, self.y_units).moved(self.x_centre, self.y_centre),
         )
 
     def _place(self, x: np.ndarray) -> str:
         return ", ".join(
-            f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, x * self.x_units + self.x_home)
+            f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, x * self.x_units + self.x_centre)
         )
 
     def _length(self, size: float) -> str:
@@ -361,7 +362,7 @@ class _Work:
 
     def _state(self, z: np.ndarray) -> str:
         return ", ".join(
-            f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z * self.units + self.home)
+            f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z * self.units + self.centre)
         )
 
 

@@ -158,10 +158,17 @@ class SlowFastSystem(_Declared, Card):
         values = dict(self.parameters)
         return centres(tuple(e.xreplace(values) for e in (*self.f, *self.g)), self.states)
 
-    @property
-    def home(self) -> np.ndarray:
+    @cached_property
+    def centre(self) -> np.ndarray:
         """The `centres` of the states (n,), 0 for those that have none."""
-        return np.array([float(self.centres.get(s, 0)) for s in self.states])
+        found = np.array([float(self.centres.get(s, 0)) for s in self.states])
+        found.setflags(write=False)
+        return found
+
+    @cached_property
+    def about_centres(self) -> SlowFastSystem:
+        """The system about its `centres`; itself where it has none."""
+        return self.about(self.centres)
 
     def about(self, centres: Mapping[sp.Symbol, sp.Expr]) -> SlowFastSystem:
         """The same with v + c for each state v that has one of the `centres` c, without observables then."""

@@ -45,6 +45,22 @@ def test_a_formula_far_from_the_origin_is_written_about_its_centre() -> None:
     assert branch.graph == {y: x + (t - 1000) ** 4}
 
 
+def test_a_rate_that_is_linear_in_a_shifted_state_is_written_about_no_other_place() -> None:
+    """About 300, as the fast rate is, it would be 300 k more and less."""
+    k, place = sp.symbols("k place")
+    rate = y / 10 - k * (x - place)
+    system = gsp.SlowFastSystem(
+        slow={x: rate, t: sp.Integer(1)},
+        fast={y: (x - 300) / 50 + (t - 2020) ** 2 - y - (y - 40) ** 3 / 5000},
+        epsilon=epsilon,
+        parameters={k: 0.05, place: 293},
+    )
+    (branch,) = gsp.solve_critical(system).branches
+    series = gsp.expand(branch, order=1)
+    assert x in series.chart.centres
+    assert series.reduced_field[0][0] == rate
+
+
 @pytest.mark.parametrize("c", [0, 10**4, 10**6])
 def test_the_sheets_over_a_point_far_from_the_origin_are_all_found(c: int) -> None:
     u = y - c

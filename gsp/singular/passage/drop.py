@@ -75,8 +75,8 @@ def drop_from(
     All of these (n_fast,) are in the system's units, and lengths are measured in those of `layer`.
     """
     slow = {s.name: float(value) for s, value in zip(layer.system.x, layer.x)}
-    layer, home = layer.at_home()
-    fold = fold - home
+    centre, layer = layer.system.centre[len(layer.x) :], layer.about_centres
+    fold = fold - centre
     units = layer.units
     names = [s.name for s in layer.system.y]
     v = BEGINNING / float(np.linalg.norm(direction / units))
@@ -89,11 +89,11 @@ def drop_from(
         matrix = layer.jacobian(at[None, :])[0]
         finite = bool(np.isfinite(matrix).all())
         spectrum = np.linalg.eigvals(matrix) if finite else np.full(len(at), np.nan)
-        return Drop(kind, {**slow, **dict(zip(names, map(float, at * units + home)))}, spectrum)
+        return Drop(kind, {**slow, **dict(zip(names, map(float, at * units + centre)))}, spectrum)
 
     for _ in range(8):
         run = trajectory_of(flow, start=dict(zip(names, here)), span=(0.0, span), rtol=1e-10, atol=1e-12)
-        outside = _leaving(run.y * units[:, None] + home[:, None], names, region)
+        outside = _leaving(run.y * units[:, None] + centre[:, None], names, region)
         if outside is not None:
             return result(DropKind.LEAVES, run.y[:, outside])
         here = run.y[:, -1].copy()

@@ -239,10 +239,13 @@ def _located(
                 value=value,
             )
     u = np.array(complete(given, system.states, what="fold"))
-    home, there = system.home, LayerProblem.over_all(system.about(system.centres))
-    own = natural_scales(there, u - home, box)
-    # Of a state that is far from the origin its size there says nothing.
-    scales = own if sizes is None else np.where(home == 0.0, np.array(sizes), own)
+    if sizes is not None and not system.centres:
+        scales = np.array(sizes)
+    else:
+        there = LayerProblem.over_all(system.about_centres) if system.centres else problem
+        own = natural_scales(there, u - system.centre, box)
+        # Of a state that is far from the origin its size there says nothing.
+        scales = own if sizes is None else np.where(system.centre == 0.0, np.array(sizes), own)
     where = in_words(problem.point(u), 8)
     found = None
     try:

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
-from numpy.polynomial.chebyshev import chebroots, chebvander
+from numpy.polynomial.chebyshev import chebroots
 
 from gsp.algebra.differentiation import entries, jacobian
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError, Status
-from gsp.fibres.decaying_signals import chebyshev, tail
+from gsp.fibres.decaying_signals import chebyshev, coefficients, tail
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.roots import root
@@ -106,9 +106,12 @@ class SlowOrbit:
     def _time_to_change(self) -> float:
         """A slow time in which the rightmost eigenvalue at the start changes by its own size."""
         step = np.finfo(float).eps ** 0.5 * self.time
-        both = np.array([self.state, self.state + step * self.velocity(self.state)])
-        first, later = np.real(self.eigenvalues(both)[:, 0])
-        return step * abs(first / (later - first)) if first and later != first else float("inf")
+        first = np.real(self.eigenvalues(self.state[None, :])[0, 0])
+        # On a fold nothing has a velocity.
+        if first == 0.0:
+            return float("inf")
+        later = np.real(self.eigenvalues((self.state + step * self.velocity(self.state))[None, :])[0, 0])
+        return step * abs(first / (later - first)) if later != first else float("inf")
 
     def shown(self, z: np.ndarray) -> str:
         """A point by name."""
@@ -255,7 +258,7 @@ def _shows_its_zeros(values: np.ndarray, noise: float) -> bool:
     Zeros between which it keeps within `noise` are none.
     """
     nodes = chebyshev()[0]
-    zeros = chebroots(np.linalg.solve(chebvander(nodes, len(nodes) - 1), values))
+    zeros = chebroots(coefficients(values[None, :])[0])
     zeros = np.sort(zeros.real[(zeros.imag == 0.0) & (np.abs(zeros) < 1.0)])
     middles = np.concatenate([[-1.0], 0.5 * (zeros[1:] + zeros[:-1]), [1.0]])
     between = interpolate(nodes, values, middles)
