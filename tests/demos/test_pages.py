@@ -193,6 +193,12 @@ def test_the_numbers_of_an_axis_are_told_apart(opened) -> None:
     assert np.all(np.abs(np.diff(heights)) > 12)
 
 
+def test_the_length_of_a_late_run_is_told_to_the_digits_that_it_has(opened) -> None:
+    page = opened(TIGHT.replace("1000000, 2000000", "2026.4, 2027"))
+    assert page.run("return document.getElementById('length-number').value") == "0.6"
+    assert page.run("return [difference(3, 1), difference(1e6 + 0.25, 1e6), difference(1, 0)]") == [2, 0.25, 1]
+
+
 @pytest.mark.parametrize("width", [390, 1280])
 def test_no_number_of_an_axis_is_cut(width: int, opened) -> None:
     page = opened(TIGHT, width=width)

@@ -48,6 +48,12 @@ function addSlider(id, label, { shown = [label], low, high, log = false, read, w
   });
 }
 
+// a - b to the digits that it has: 2027 - 2026.4 is 0.6, and 0.599999999999909 by doubles.
+function difference(a, b) {
+  const digits = Math.floor(Math.log10(Math.abs(a - b) / (Math.max(Math.abs(a), Math.abs(b)) * Number.EPSILON)));
+  return Number((a - b).toPrecision(Math.min(Math.max(digits, 1), 15)));
+}
+
 function unitOf(name) {
   return name in data.units ? [` (${data.units[name]})`] : [];
 }
@@ -72,7 +78,7 @@ function addControls() {
   addSlider("length", "length of the run", {
     shown: ["length of the run", ...unitOf("t")],
     low: length / SPAN_FACTOR, high: length * SPAN_FACTOR, log: true,
-    read: () => state.end - data.span[0], write: (value) => (state.end = data.span[0] + value),
+    read: () => difference(state.end, data.span[0]), write: (value) => (state.end = data.span[0] + value),
   });
   if (!data.work) return;
   addSlider("tolerance", "largest error allowed", {
