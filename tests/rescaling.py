@@ -83,6 +83,33 @@ def mirrored(scene: Scene) -> Scene:
     )
 
 
+def shifted(scene: Scene, by: Mapping[str, int]) -> Scene:
+    """The scene with the numbers of each named state greater by that much: its origin lies elsewhere."""
+    back = {sp.Symbol(name): sp.Symbol(name) - number for name, number in by.items()}
+
+    def moved(of: Mapping) -> dict:
+        return {s: sp.sympify(e).xreplace(back) for s, e in of.items()}
+
+    new = _with_rates(
+        scene,
+        moved,
+        observables={
+            s: e + by.get(s.name, 0) if s in scene.system.states else e
+            for s, e in moved(scene.system.observables).items()
+        },
+    )
+    return replace(
+        scene,
+        system=new,
+        region={n: (a + by.get(n, 0), b + by.get(n, 0)) for n, (a, b) in scene.region.items()},
+        start={n: v + by.get(n, 0) for n, v in scene.start.items()},
+        starts={},
+        claims={},
+        views={},
+        reconstruction=moved(scene.reconstruction),
+    )
+
+
 def retimed(scene: Scene, power: int) -> Scene:
     """The scene in a unit of time in which every rate is 10**power times what it was."""
     faster = sp.Integer(10) ** power
@@ -250,6 +277,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--orders", action="store_true", help="other orders of declaration, not units")
     parser.add_argument("--time", action="store_true", help="other units of time, not of the states")
     parser.add_argument("--mirror", action="store_true", help="states in the other direction")
+    parser.add_argument("--shift", type=int, help="states with their origin that far away")
     options = parser.parse_args(arguments)
     for name in options.names or scenes():
         plain = scene(name)
@@ -258,6 +286,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if options.orders
             else {f"rates of 1e{power}": retimed(plain, power) for power in (-6, 6)}
             if options.time
+            else {f"by {options.shift}": shifted(plain, {s.name: options.shift for s in plain.system.states})}
+            if options.shift
             else {"mirrored": mirrored(plain)}
             if options.mirror
             else {str(p): rescaled(plain, p) for p in in_other_units(plain, singly=options.singly)}

@@ -24,6 +24,7 @@ from tests.rescaling import (
     retimed,
     scene,
     scenes,
+    shifted,
     told,
     unordered,
     verdict,
@@ -111,6 +112,22 @@ def test_the_direction_in_which_states_are_counted_changes_no_verdict(
     plain = scene(name)
     for verb in verbs:
         assert unordered(verdict(mirrored(plain), verb)) == unordered(verdict(plain, verb)), verb
+
+
+FAR = ("sled", "two_pool", "oregonator")
+"""A splitting that is tried from random starts, one with rational rates, and a fold in a narrow corner."""
+
+
+@pytest.mark.parametrize(
+    "name", [*FAR, *(pytest.param(n, marks=pytest.mark.exhaustive) for n in scenes()[2::8])]
+)
+@pytest.mark.parametrize("by", [1_000, pytest.param(-1_000_000, marks=pytest.mark.exhaustive)])
+def test_where_the_states_have_their_origin_changes_no_verdict(name: str, by: int) -> None:
+    """`python -m tests.rescaling --shift` tries all scenes. What `choose` says is a share of the states' size."""
+    plain = scene(name)
+    other = shifted(plain, {s.name: by for s in plain.system.states})
+    for verb in JUDGED[:-1]:
+        assert verdict(other, verb) == verdict(plain, verb), verb
 
 
 @pytest.mark.exhaustive

@@ -336,7 +336,7 @@ def _orbit(
     try:
         # Slow pieces of a singular orbit: orbits that close do so within a few, or creep to it like a
         # contraction.
-        orbit = singular_orbit(study.branch, study.start, max_pieces=60)
+        orbit = singular_orbit(study.branch, _on_branch(study), max_pieces=60)
         return orbit, orbit.coefficients, NO_REASON
     except GspError as error:
         return None, None, error.reason

@@ -8,28 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import sympy as sp
 
 from gsp.algebra.brevity import brief, listed
-from gsp.algebra.differentiation import entries
-from gsp.algebra.factorisation import centre, coefficients
 from gsp.critical.common_units import own_sizes
+from gsp.critical.own_equations import OwnEquations
 from gsp.critical.sheet_continuation import LEAST_SHARE, PIECES, SheetContinuation
 from gsp.critical.sheet_points import (
     NEWTON_STEPS,
     NEWTON_TOLERANCE,
     Allowance,
     guesses,
-    newton_at_each,
     place,
 )
-from gsp.critical.sheet_roots import fast_bounds, roots_about, scattered_roots, size_of, within
+from gsp.critical.sheet_roots import fast_bounds, within
 from gsp.errors import BranchError
 from gsp.kernels.sheets import reach_sheet, reach_sheets
-from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
 from gsp.results.tex import tex
@@ -74,7 +71,7 @@ class Branch(Portable, Card):
         if self.graph is not None:
             y = self.graph_values(array)
         elif guess is not None:
-            y, good = self._newton(array, guess)
+            y, good = self._own.corrected(array, guess)
             self._require(good, array, "Newton's method found no point near the given one")
         elif self.seed is not None:
             if len(array) == 1:
@@ -97,8 +94,8 @@ class Branch(Portable, Card):
         if self.graph is not None:
             found = self.graph_values(point[None, :], allow_complex=True)
             found = found[np.isfinite(found).all(axis=1)]
-        elif self._polynomial is not None:
-            found = self._polynomial_roots(point, bounds)
+        elif self._own.is_polynomial:
+            found = self._own.polynomial_roots(point, bounds)
         else:
             found = self._scattered_roots(point, bounds)
         found = found[within(found, self.system.y, bounds or {})]
@@ -112,7 +109,7 @@ class Branch(Portable, Card):
         if self.graph is not None:
             found = self.graph_values(x, allow_complex=True)
             return found, finite_rows(found)
-        return self._newton(x, y)
+        return self._own.corrected(x, y)
 
     def through(self, point: Point, *, region: Mapping[str, object] | None = None) -> Branch:
         """The same branch with its sheet fixed: the one nearest to `point`, which names x and y.
@@ -126,16 +123,14 @@ class Branch(Portable, Card):
         own = self._in_units_of(dict(zip([s.name for s in self.system.states], [*x[0], *y[0]])), region)
         if self.graph is not None:
             return own
-        unit = own.scales[1]
-        if own._polynomial is not None:
-            candidates, fact = own._polynomial_roots(x[0], bounds), "there is no real point"
+        if own._own.is_polynomial:
+            candidates, fact = own._own.polynomial_roots(x[0], bounds), "there is no real point"
         else:
-            newton, names = partial(own._newton_over, x[0]), [s.name for s in self.system.y]
-            candidates = unit * roots_about(newton, y[0] / unit, names, own._bounds(bounds))
+            candidates = own._own.roots_near(x[0], y[0], bounds)
             fact = "Newton's method found no point near the given one"
         self._require(np.array([len(candidates) > 0]), x, fact)
         outside = ~within(candidates, self.system.y, bounds)
-        chosen = candidates[np.lexsort((np.linalg.norm((candidates - y) / unit, axis=1), outside))[0]]
+        chosen = candidates[np.lexsort((np.linalg.norm((candidates - y) / own.scales[1], axis=1), outside))[0]]
         return replace(own, seed=(tuple(x[0]), tuple(chosen)))
 
     def _in_units_of(self, point: Mapping[str, float], region: Mapping[str, object] | None) -> Branch:
@@ -145,16 +140,20 @@ class Branch(Portable, Card):
         """
         if self.units is not None or region is None:
             return self
-        sizes = state_sizes(check_region(region, [s.name for s in self.system.states]), point)
-        return replace(
-            self, units=tuple(powers_of_two([sizes.get(s.name, 1.0) for s in self.system.states]).tolist())
+        names = [s.name for s in self.system.states]
+        # How far a state is from the origin is no size of what it does.
+        centre = dict(zip(names, self.system.centre.tolist()))
+        box = check_region(region, names).items()
+        sizes = state_sizes(
+            {name: (low - centre[name], high - centre[name]) for name, (low, high) in box},
+            {name: value - centre[name] for name, value in point.items()},
         )
+        return replace(self, units=tuple(powers_of_two([sizes.get(name, 1.0) for name in names]).tolist()))
 
     def in_own_units(self, point: np.ndarray, bounds: Mapping[str, Interval] | None = None) -> Branch:
         """The same branch with the sizes of its states at `point` (n,) and in bounds, where no region has told them."""
         if self.units is not None:
             return self
-        # About its centres: how far a state is from the origin is no size of what it does.
         system, centre = self.system.about_centres, self.system.centre
         return replace(self, units=tuple(powers_of_two(own_sizes(system, point - centre, bounds)).tolist()))
 
@@ -190,8 +189,6 @@ class Branch(Portable, Card):
             equations=tuple(e.xreplace(there) for e in self.equations),
             graph=self.graph and {s: h.xreplace(there) - found.get(s, 0) for s, h in self.graph.items()},
             seed=self.seed and (tuple((self.seed[0] - x).tolist()), tuple((self.seed[1] - y).tolist())),
-            # The size of what is far from the origin is none about its centre.
-            units=self.units and tuple(1.0 if c else unit for unit, c in zip(self.units, centre)),
         )
 
     @cached_property
@@ -200,10 +197,9 @@ class Branch(Portable, Card):
         units = np.array(self.units or [1.0] * len(self.system.states))
         return units[: len(self.system.x)], units[len(self.system.x) :]
 
-    def _bounds(self, bounds: Mapping[str, Interval]) -> dict[str, Interval]:
-        """Bounds on fast variables in the branch's units."""
-        units = dict(zip([y.name for y in self.system.y], self.scales[1].tolist()))
-        return {name: (low / units[name], high / units[name]) for name, (low, high) in bounds.items()}
+    @cached_property
+    def _own(self) -> OwnEquations:
+        return OwnEquations(self.system, self.equations, np.concatenate(self.scales))
 
     def follow(
         self,
@@ -225,9 +221,9 @@ class Branch(Portable, Card):
         assert given is not None
         x0 = np.broadcast_to(np.asarray(given[0], dtype=float), x.shape)
         y0 = np.broadcast_to(np.asarray(given[1], dtype=float), (len(x), n))
-        ux, uy = self.scales
-        y, good = self._continuation.follow(x / ux, x0 / ux, y0 / uy, allowance)
-        return y * uy, good
+        own = self._own
+        y, good = self._continuation.follow(own.x_in(x), *own.points_in(x0, y0), allowance=allowance)
+        return own.y_out(y), good
 
     def over(self, point: np.ndarray) -> np.ndarray:
         """The sheet of the seed over one slow point (n_slow,): y (n_fast,), as `points` has it."""
@@ -252,135 +248,66 @@ class Branch(Portable, Card):
     def _sheet(self) -> np.ndarray:
         """What `reach_sheet` takes of the branch and its seed."""
         assert self.seed is not None
-        addresses = self._residual.address, self._jacobian.address, self._slow_jacobian.address
-        units = np.concatenate(self.scales)
-        seed = np.concatenate(self.seed) / units
-        numbers = np.array([NEWTON_TOLERANCE, *seed, *units, *self._values])
+        own = self._own
+        addresses = own.residual.address, own.jacobian.address, own.slow_jacobian.address
+        x, y = own.points_in(*(np.array([part]) for part in self.seed))
+        numbers = np.array([NEWTON_TOLERANCE, *x[0], *y[0], *own.units, *self.system.centre, *own.values])
         return np.array([*addresses, NEWTON_STEPS, len(PIECES), *PIECES, *numbers.view(np.int64)])
 
     def _ending(self, target: np.ndarray) -> str:
         """Where the seed's sheet ends on the way to `target`."""
         assert self.seed is not None
-        x0, (ux, uy) = np.array(self.seed[0]), self.scales
-        rows = (x0[None, :] / ux, np.array([self.seed[1]]) / uy, target[None, :] / ux)
-        y, share = self._continuation.walked(*rows)
+        x0, y0, own = np.array(self.seed[0]), np.array([self.seed[1]]), self._own
+        y, share = self._continuation.walked(*own.points_in(x0[None, :], y0), own.x_in(target[None, :]))
         end = self._shown(x0 + share[0] * (target - x0))
         begun = f"the sheet through {self._shown(x0)}"
         # Even the root of a pole is that large where so little of the way is left.
         if np.abs(y[0]).max() > LEAST_SHARE**-0.5:
             return f"{begun} goes to infinity at {end} and has no point"
-        return f"{begun} ends at {end}, {in_words(zip(self.system.y, y[0] * uy))} (a fold?) and has no point"
+        return (
+            f"{begun} ends at {end}, {in_words(zip(self.system.y, own.y_out(y[0])))} (a fold?) and has no point"
+        )
 
     @property
     def _continuation(self) -> SheetContinuation:
-        return SheetContinuation(self._newton_in_units, self._jacobian, self._slow_jacobian, self._values)
+        own = self._own
+        return SheetContinuation(own.newton, own.jacobian, own.slow_jacobian, own.values)
 
     # -- evaluation --------------------------------------------------------------------------------
 
-    @cached_property
-    def _values(self) -> np.ndarray:
-        return compile_flow(self.system).constants
-
     def residual(self, z: np.ndarray) -> np.ndarray:
         """The branch's equations at points z = (x, y), (m, n): (m, n_fast)."""
-        return self._residual(z / np.concatenate(self.scales), self._values)
+        return self._own.residual_at(z)
 
     def full_jacobian(self, z: np.ndarray) -> np.ndarray:
         """Derivatives of the branch's equations by (x, y) at points z (m, n): (m, n_fast, n)."""
-        m, n, units = len(z), len(self.system.y), np.concatenate(self.scales)
-        parts = [f(z / units, self._values).reshape(m, n, -1) for f in (self._slow_jacobian, self._jacobian)]
-        return np.concatenate(parts, axis=2) / units
-
-    @cached_property
-    def _own_equations(self) -> tuple[sp.Expr, ...]:
-        """The equations with the states in the branch's units."""
-        units = zip(self.system.states, self.units or ())
-        inner = {s: s * sp.Rational(*unit.as_integer_ratio()) for s, unit in units if unit != 1.0}
-        return tuple(e.xreplace(inner) for e in self.equations)
-
-    @cached_property
-    def _residual(self):
-        return self._compiled(self._own_equations, self.system.states)
-
-    @cached_property
-    def _jacobian(self):
-        return self._compiled(tuple(entries(self._own_equations, self.system.y)), self.system.states)
-
-    @cached_property
-    def _slow_jacobian(self):
-        return self._compiled(tuple(entries(self._own_equations, self.system.x)), self.system.states)
+        return self._own.jacobian_at(z)
 
     @cached_property
     def _graph_function(self):
         assert self.graph is not None
-        return self._compiled(tuple(self.graph[y] for y in self.system.y), self.system.x)
-
-    @cached_property
-    def _polynomial(self):
-        """c and the coefficients of the one equation in powers of y - c, y the one fast variable, compiled; or None."""
-        if len(self.system.y) != 1:
-            return None
-        (y,), (equation,) = self.system.y, self._own_equations
-        about = centre(equation, y)
-        row = coefficients(equation.xreplace({y: y + about}), y)
-        return None if row is None else self._compiled((about, *row), self.system.x)
-
-    def _compiled(self, outputs, arguments):
-        return compile_over(self.system, outputs, arguments=arguments)
+        outputs = tuple(self.graph[y] for y in self.system.y)
+        return compile_over(self.system, outputs, arguments=self.system.x)
 
     def graph_values(self, x: np.ndarray, *, allow_complex: bool = False) -> np.ndarray:
-        y = self._graph_function(x, self._values)
+        y = self._graph_function(x, self._own.values)
         if not allow_complex:
             self._require(finite_rows(y), x, "the branch is complex or singular")
         return y
 
-    def _newton(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Newton's method at all points at once; returns y and which points converged."""
-        ux, uy = self.scales
-        found, good = self._newton_in_units(x / ux, y / uy)
-        return found * uy, good
-
-    def _newton_in_units(
-        self, x: np.ndarray, y: np.ndarray, *, size: float = 1.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The same with x and y in the branch's units."""
-        return newton_at_each(
-            lambda z: self._residual(z, self._values),
-            lambda z: self._jacobian(z, self._values),
-            x,
-            y,
-            size=size,
-        )
-
     def _only(self, point: np.ndarray) -> np.ndarray:
-        if self._polynomial is None:
+        if not self._own.is_polynomial:
             raise BranchError(
                 f"the branch {self} is implicit and may have several points over {self._shown(point)}.",
                 "Pass near=..., or fix a sheet with branch.through({...}).",
             )
-        found = self._polynomial_roots(point)
+        found = self._own.polynomial_roots(point)
         if len(found) == 1:
             return found[0]
         values = ", ".join(f"{value:.6g}" for value in found[:, 0])
         fact = f"has {len(found)} points" + (f" ({self.system.y[0]} = {values})" if len(found) else "")
         remedy = "Pass near=..., or fix a sheet with branch.through({...})." if len(found) else "Move x."
         raise BranchError(f"the branch {self} {fact} over {self._shown(point)}.", remedy)
-
-    def _polynomial_roots(self, point: np.ndarray, bounds: Mapping[str, Interval] | None = None) -> np.ndarray:
-        assert self._polynomial is not None
-        own, (ux, uy) = self._bounds(bounds or {}), self.scales
-        size = size_of(np.array(list(own.values()))) if own else 1.0
-        about, *coefficients = self._polynomial(point[None, :] / ux, self._values)[0]
-        if not np.isfinite(coefficients).all():
-            return np.empty((0, 1))
-        found = np.roots(np.trim_zeros(coefficients, "f"))
-        # Imaginary parts of polynomial roots below this, relative to 1 + |y| in the branch's units, count as
-        # rounding.
-        real = found.real[np.abs(found.imag) <= 1e-7 * (size + np.abs(found))]
-        guess = about + np.sort(real)[:, None]
-        places = np.broadcast_to(point / ux, (len(guess), len(point)))
-        polished, good = self._newton_in_units(places, guess, size=size)
-        return np.where(good[:, None], polished, guess) * uy
 
     def _scattered_roots(self, point: np.ndarray, bounds) -> np.ndarray:
         missing = [y.name for y in self.system.y if not bounds or y.name not in bounds]
@@ -393,16 +320,7 @@ class Branch(Portable, Card):
                 f"{', '.join(missing)}.",
                 "Give the region an interval for each, or fix a sheet with through().",
             )
-        own = self._bounds(bounds)
-        box = np.array([own[y.name] for y in self.system.y])
-        found = scattered_roots(partial(self._newton_over, point), box, size=size_of(box))
-        return found * self.scales[1]
-
-    def _newton_over(self, point: np.ndarray, y: np.ndarray, size: float) -> np.ndarray:
-        """Roots (k, n_fast) over one slow point that Newton's method comes to from y (m, n_fast), in units."""
-        places = np.broadcast_to(point / self.scales[0], (len(y), len(point)))
-        found, good = self._newton_in_units(places, y, size=size)
-        return found[good]
+        return self._own.roots_within(point, bounds)
 
     def _shown(self, point: np.ndarray) -> str:
         return in_words(zip(self.system.x, point))

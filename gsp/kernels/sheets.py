@@ -134,24 +134,25 @@ def reach_sheet(sheet, target, y):
     """Fill `y` (n,) with the point over `target` (n_slow,) of the sheet that a seed lies on; True if it was reached.
 
     `sheet` are the three addresses of `follow_sheet`, its rounds, how many numbers of pieces are tried one after the
-    other, and these; then, as bits, its tolerance, the seed (x, y) in units, these units, and p.
+    other, and these; then, as bits, its tolerance, the seed (x, y) about centres and in units, these units and centres,
+    and p.
     """
     sheet, target, y = uncounted(sheet), uncounted(target), uncounted(y)
     tried = 5 + sheet[4]
     numbers = sheet[tried:].view(np.float64)
     m = 1 + target.shape[0]
     n = m + y.shape[0]
-    units = numbers[n : 2 * n - 1]
+    units, centres = numbers[n : 2 * n - 1], numbers[2 * n - 1 : 3 * n - 2]
     scaled = np.empty(m - 1)
     for i in range(m - 1):
-        scaled[i] = target[i] / units[i]
+        scaled[i] = (target[i] - centres[i]) / units[i]
     for pieces in sheet[5:tried]:
         for i in range(y.shape[0]):
             y[i] = numbers[m + i]
         functions = (sheet[0], sheet[1], sheet[2])
-        if follow_sheet(functions, numbers[2 * n - 1 :], numbers[1:m], y, scaled, pieces, numbers[0], sheet[3]):
+        if follow_sheet(functions, numbers[3 * n - 2 :], numbers[1:m], y, scaled, pieces, numbers[0], sheet[3]):
             for i in range(y.shape[0]):
-                y[i] *= units[m - 1 + i]
+                y[i] = y[i] * units[m - 1 + i] + centres[m - 1 + i]
             return True
     return False
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.algebra.elimination_over_rationals import at_point, connected_parts
 from gsp.errors import DegenerateError, SplittingError
 from gsp.lowering.compiled_flow import compile_flow
@@ -95,6 +96,10 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
         raise SplittingError(f"no rate has a pole in {field.epsilon}.", got=shown(field, layer))
     _refuse_constants(layer, field)
     states = field.states
+    written = shown(field, layer)
+    values = dict(field.parameters)
+    there = {s: s + c for s, c in centres(tuple(e.xreplace(values) for e in layer), states).items()}
+    layer = [component.xreplace(there) for component in layer]
     matrix = jacobian(layer, states)
     constant = at_point(matrix, dict(field.parameters)) if matrix.free_symbols.isdisjoint(states) else None
     origin = dict.fromkeys(states, sp.S.Zero)
@@ -144,13 +149,13 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
             break
     if not found:
         raise SplittingError(
-            f"no real equilibrium of the fast part {shown(field, layer)} was found, and without one there is no "
+            f"no real equilibrium of the fast part {written} was found, and without one there is no "
             "critical manifold.",
             "A fast rotation or drift is averaged, by `average`, not reduced; or check the parameters' values.",
         )
     if max(rank for rank, _ in found) == 0:
         raise DegenerateError(
-            f"the fast part {shown(field, layer)} vanishes to second order on its zeros, so no direction is "
+            f"the fast part {written} vanishes to second order on its zeros, so no direction is "
             "hyperbolic there.",
             "Rescale the fast variables; gsp.scalings(field) looks for powers of the small parameter.",
         )
@@ -166,7 +171,7 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
         _has_as_many_eigenvalues(matrix, rank) for there in looked_at for matrix in there
     ):
         raise DegenerateError(
-            f"the fast part {shown(field, layer)} is tangent to its own zeros (its linear part is nilpotent "
+            f"the fast part {written} is tangent to its own zeros (its linear part is nilpotent "
             "there), so no direction is normally hyperbolic.",
             "Rescale the fast variables (gsp.scalings(field) looks for powers of the small parameter), or average.",
         )

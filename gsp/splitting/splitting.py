@@ -19,6 +19,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.brevity import brief_list
+from gsp.algebra.centres import centres
 from gsp.algebra.elimination_over_rationals import at_point, generic_point, independent_columns
 from gsp.algebra.factorisation import factored
 from gsp.algebra.first_integrals import first_integrals
@@ -201,6 +202,8 @@ def split(field: VectorField | SlowFastSystem, *, second: str | sp.Symbol | None
         return replace(split(changed), switches=switches)
     if has_higher_pole(field):
         return _split_scaled(field)
+    if here := centres(field.rates, field.states):
+        return _back_from(here, split(_about(here, field)), field)
     rescaled = is_in_fast_time(field)
     field = divided(field) if rescaled else field
     layer, drift = principal_part(field)
@@ -270,6 +273,50 @@ def _split_scaled(field: VectorField) -> Splitting:
         "Only simple poles split into two time scales, and no scaling of variables and time by small powers of "
         f"{epsilon} leaves a fast part that is hyperbolic and something slow. Where there are three time "
         f'scales take nest(scene, small=["{epsilon}", "{epsilon}"]).',
+    )
+
+
+def _about(centres: Mapping[sp.Symbol, sp.Expr], field: VectorField) -> VectorField:
+    """The field with v + c for each state v that has one of the `centres` c."""
+    there = {s: s + c for s, c in centres.items()}
+    rates, observables = (
+        {s: e.xreplace(there) for s, e in of.items()} for of in (field.equations, field.observables)
+    )
+    words = {"epsilon": field.epsilon, "parameters": field.parameters, "name": field.name}
+    return VectorField(rates, observables=observables, **words)
+
+
+def _back_from(centres: Mapping[sp.Symbol, sp.Expr], found: Splitting, field: VectorField) -> Splitting:
+    """The splitting of the `field` itself, where `found` is that about its `centres`."""
+    less = {s: s - c for s, c in centres.items()}
+    origin = dict.fromkeys(field.states, sp.S.Zero)
+    coordinates = {s: phi.xreplace(less) for s, phi in found.coordinates.items()}
+    # Linear coordinates are counted from the origin: x + y, and not x + y - 2000.
+    offsets = {
+        s: phi.xreplace(origin)
+        for s, phi in coordinates.items()
+        if all(phi.diff(z).free_symbols.isdisjoint(field.states) for z in phi.free_symbols)
+    }
+    there = {s: s + offset for s, offset in offsets.items()}
+    inverse = {z: e.xreplace(there) + centres.get(z, 0) for z, e in found.inverse.items()}
+    system = found.system and SlowFastSystem(
+        slow={s: rate.xreplace(there) for s, rate in found.system.slow.items()},
+        fast={s: rate.xreplace(there) for s, rate in found.system.fast.items()},
+        epsilon=found.system.epsilon,
+        parameters=field.parameters,
+        name=field.name,
+        observables={o: inverse.get(o, e.xreplace(there)) for o, e in found.system.observables.items()},
+    )
+    return replace(
+        found,
+        field=divided(field) if found.rescaled else field,
+        system=system,
+        coordinates=MappingProxyType({s: e - offsets.get(s, 0) for s, e in coordinates.items()}),
+        inverse=MappingProxyType(inverse),
+        N=found.N.xreplace(less),
+        layer=found.layer.xreplace(less),
+        drift=found.drift.xreplace(less),
+        nonzero=tuple(e.xreplace(less) for e in found.nonzero),
     )
 
 

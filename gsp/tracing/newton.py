@@ -19,7 +19,8 @@ class Rules:
     """When Newton's method ends; lengths are those of steps, in the units of their problem.
 
     A step of at most `rounding` is rounding. One of at most `last` is the one before the last, as the next is its
-    square; when it is not below `stagnant` times the one before, it is rounding as well. A step of more than `growth`
+    square; when it, or one of at most `blurred`, is not below `stagnant` times the one before, it is rounding as well.
+    A step of more than `growth`
     times the one before and more than `hopeless` is a setback, of which `setbacks` end the iteration; longer steps than
     `longest` are shortened to it.
     """
@@ -27,6 +28,7 @@ class Rules:
     steps: int
     rounding: float
     last: float = 0.0
+    blurred: float = 0.0
     stagnant: float = 0.3
     growth: float = np.inf
     hopeless: float = 0.0
@@ -72,7 +74,8 @@ def newton(
         if new is None:
             return Solution(point, Status.NON_FINITE, iteration)
         point = new
-        settled = previous <= rules.last or (size <= rules.last and size >= rules.stagnant * previous)
+        is_stuck = size <= max(rules.last, rules.blurred) and size >= rules.stagnant * previous
+        settled = previous <= rules.last or is_stuck
         if size <= rules.rounding or settled:
             return Solution(point, Status.SUCCESS, iteration)
         previous = size

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp import models
+from gsp import load, models
 from gsp.analysis.fold_surroundings import boundary_of, local_scales, never_folds, not_followed, surroundings
 from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.critical.critical_manifold import solve_critical
@@ -20,6 +20,7 @@ from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.singular.passage.fold_passage import fold_passage
 from gsp.systems.system import SlowFastSystem
+from tests.literature import FOLDER
 
 x, y, z, a, b, epsilon = sp.symbols("x y z a b epsilon")
 REGION = {"y": (-0.6, 1.2), "x": (1.1, 2.2)}
@@ -219,3 +220,11 @@ def test_the_folds_of_a_hill_function_have_their_powers() -> None:
     assert dict(along.blow_up.weights)["X"] == 1
     assert along.blow_up.degree == 1
     assert sorted(along.blow_up.weights.values())[-2:] == [2, 3]
+
+
+def test_the_singular_orbit_begins_on_the_sheet_of_the_run() -> None:
+    """Of a gene without messengers another sheet, of negative amounts, is nearer to the start."""
+    ends = found(load(FOLDER / "gene_dimers_from_nothing.toml"))
+    assert ends.orbit is not None
+    run = ends.orbit.pieces[0].run
+    assert min(run[name].min() for name in ("p", "M", "P")) > 0

@@ -21,7 +21,7 @@ def branch(fast: dict, seed: dict[str, float], slow: tuple = (u, v)) -> Branch:
 def followed(sheet: Branch, target: list[float], *, pieces: int = 1, rounds: int = 40) -> np.ndarray | None:
     assert sheet.seed is not None
     x0, y0 = (np.array(part, dtype=float) for part in sheet.seed)
-    p = np.array(sheet._values, dtype=float)
+    p = np.array(sheet._own.values, dtype=float)
     reached = follow_sheet(tuple(sheet._sheet[:3]), p, x0, y0, np.array(target), pieces, 1e-12, rounds)
     return y0 if reached else None
 

@@ -594,3 +594,28 @@ def test_a_field_keeps_the_form_in_which_it_is_written() -> None:
     cancels = split(field({h: (2 - h) / eps, x: x * (h - 1) / eps - (x * h - x) / eps + x}))
     assert [s.name for s in cancels.system.y] == ["h"]
     assert cancels.system.f[0] == x
+
+
+@pytest.mark.parametrize("by", [300, -1_000_000])
+@pytest.mark.parametrize(
+    ("rates", "linear"),
+    [
+        ({x: (y - x**2 / (1 + x**2)) / eps + 1 - x, y: -(y - x**2 / (1 + x**2)) / eps}, True),
+        ({x: -a * x * y / eps + 1 - x, y: (a * x * y - y) / eps + x}, False),
+        ({x: y * z, y: (x - sp.tanh(z)) / eps, z: (sp.tanh(z) - x) / eps - z}, True),
+    ],
+)
+def test_fields_split_about_their_own_centres(rates: dict, linear: bool, by: int) -> None:
+    """Far from the origin no equilibrium was found, and exp(a y) in a first integral had no finite value."""
+    back = {s: s - by for s in (x, y, z)}
+    near = split(field(rates, a=2))
+    far = split(field({s: e.xreplace(back) for s, e in rates.items()}, a=2))
+    assert_recombines(far)
+    assert far.is_standard
+    point = {s: sp.Rational(k, 7) for k, s in enumerate(near.field.states, 2)} | {a: 2}
+    beyond = {s: value + by for s, value in point.items() if s != a} | {a: 2}
+    moved = [sp.N(far.coordinates[s].subs(beyond) - phi.subs(point)) for s, phi in near.coordinates.items()]
+    assert all(abs(value - round(value)) < 1e-9 for value in moved)
+    if linear:
+        # Counted from the origin, without a number in their formula.
+        assert all(phi.subs(dict.fromkeys(far.field.states, 0)) == 0 for phi in far.coordinates.values())

@@ -146,10 +146,13 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
             self.counters.corrections += 1
             return u - self.scales * step
 
-        def length(step: np.ndarray, u: np.ndarray) -> float:
-            return float(np.abs(step).max()) / (1.0 + float(np.abs(u / self.scales - step).max()))
+        def length(step: np.ndarray, _: np.ndarray) -> float:
+            return float(np.abs(step).max())
 
-        found = newton(u, step_of, length=length, moved=moved, rules=Rules(8, self.controls.tolerance))
+        # That many scales from the origin steps as long as u is rounded are rounding, and longer ones may be.
+        tolerance, far = self.controls.tolerance, float(np.abs(u / self.scales).max())
+        rules = Rules(8, max(tolerance, np.finfo(float).eps * far), blurred=tolerance * (1.0 + far))
+        found = newton(u, step_of, length=length, moved=moved, rules=rules)
         return (found.point, found.iterations) if found.status.ok else None
 
     def tangent(self, u: np.ndarray, along: np.ndarray) -> np.ndarray:
@@ -286,8 +289,8 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
         if stop is not None:
             trace.bound = self.names[place]
             return Arrival(nodes, Status.BOUND_REACHED)
-        # A variable this many times its first scale is on its way to infinity.
-        if np.abs(reached / self._first_scales).max() > 1e6:
+        # A variable so many of its first scales away from the start is on its way to infinity.
+        if np.abs((reached - trace.points[0]) / self._first_scales).max() > 1e6:
             return Arrival(nodes, Status.RUNS_AWAY)
         sign = now or sign
         along = self._rescaled(reached, along)
