@@ -191,7 +191,12 @@ def singular_orbit(
     landings: list[np.ndarray] = []
     back, message = 0, Reason(f"not closed after {max_pieces} slow pieces; raise max_pieces to go on")
     while len(pieces) < max_pieces:
-        piece, why = _follow(_landed_on(branch, point) if pieces else branch, point, flights)
+        sheet = _landed_on(branch, point) if pieces else branch
+        if sheet is None:
+            fact = f"the last drop lands at {in_words(point, 8)}, where the reduced flow has no branch to go on along"
+            message = Reason(f"{len(pieces)} slow pieces; {fact}")
+            break
+        piece, why = _follow(sheet, point, flights)
         pieces.append(piece)
         if progress is not None:
             progress(len(pieces))
@@ -264,16 +269,21 @@ def _flown(
     return flights.after(point, beyond=passage.drop.point[fast], longest=longest, rtol=RTOL)
 
 
-def _landed_on(branch: Branch, point: Point) -> Branch:
-    """`branch` when the point of M0 lies on it, otherwise the branch of M0 that it lies on."""
+def _landed_on(branch: Branch, point: Point) -> Branch | None:
+    """`branch` when the point of M0 lies on it, otherwise the branch of M0 that it lies on.
+
+    None where there is none, as on zeros of g at which a slow rate has a pole.
+    """
     x, y = place(branch.system, point)
-    try:
-        distance = np.abs((branch.through(point).points(x[None, :])[0] - y) / branch.scales[1]).max()
-    except BranchError:
-        distance = float("inf")
-    if distance <= CLOSED:
-        return branch
-    return replace(solve_critical(branch.system).nearest(point), units=branch.units)
+    for found in (lambda: branch, lambda: solve_critical(branch.system).nearest(point)):
+        try:
+            sheet = replace(found(), units=branch.units)
+            distance = np.abs((sheet.through(point).points(x[None, :])[0] - y) / branch.scales[1]).max()
+        except BranchError:
+            continue
+        if distance <= CLOSED:
+            return sheet
+    return None
 
 
 def _run(branch: Branch, point: Point, longest: float) -> Trajectory:

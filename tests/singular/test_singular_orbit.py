@@ -215,3 +215,15 @@ def test_a_current_that_rises_for_ever_is_at_rest_nowhere() -> None:
     found = gsp.singular_orbit(branch, {"w": -0.6, "I": 0, "v": -1.25})
     assert "no fold within a slow time of" in str(found.message)
     assert found.pieces[-1].run["I"][-1] > 100
+
+
+def test_an_orbit_ends_where_the_reduced_flow_has_no_branch() -> None:
+    """Holling's and Tanner's predators starve at x = 0, where y/x has its pole; the orbit went on, on a sheet above."""
+    system = SlowFastSystem(
+        slow={y: y * (1 - y / x)}, fast={x: x * (1 - x) - x * y / (x + sp.Rational(1, 10))}, epsilon=epsilon
+    )
+    branch = solve_critical(system).nearest({y: 0.1, x: 0.9})
+    orbit = singular_orbit(branch, {y: 0.1, x: 0.9})
+    assert len(orbit.pieces) == 1
+    assert not orbit.closes
+    assert "no branch" in str(orbit.message)
