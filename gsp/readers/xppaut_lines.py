@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from decimal import Decimal
 from enum import Enum, auto
 from typing import NamedTuple, NoReturn
 
@@ -22,6 +23,7 @@ _FUNCTION = re.compile(rf"({WORD}) ?\( ?({WORD}(?: ?, ?{WORD})*) ?\) ?=(.*)", re
 _STEP = re.compile(r"[^()=]*\( ?t ?(\+ ?1 ?)?\) ?=")
 _PIECE = re.compile(r"\s*(\S[^=\s,]*)\s*(?:=\s*([^\s,]*)\s*,?|,)?")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?")
+_HEXADECIMAL = re.compile(r"[-+]?0x(?:[0-9a-f]+\.?[0-9a-f]*|\.[0-9a-f]+)(?:p[-+]?[0-9]{1,2})?")
 
 
 class LineKind(Enum):
@@ -201,10 +203,15 @@ def pieces_of(text: str) -> list[tuple[str, str | None]]:
 
 def start_at(text: str) -> str:
     """The number that XPPAUT takes for x(0)=`text`, which is 0 where the text begins with a sign behind a blank."""
-    return "0" if text.strip()[:1] in ("+", "-") and text[0] != "-" else number_at("".join(text.split()))
+    return "0" if text.strip()[:1] in ("+", "-") and text[0] != "-" else _decimal_at("".join(text.split()))
 
 
 def number_at(text: str) -> str:
     """The number that `text` begins with, "0" where it begins with none: what C's atof makes of it."""
+    found = _HEXADECIMAL.match(text)
+    return str(Decimal(float.fromhex(found[0]))) if found else _decimal_at(text)
+
+
+def _decimal_at(text: str) -> str:
     found = _NUMBER.match(text)
     return found[0] if found else "0"

@@ -343,7 +343,7 @@ def test_what_xppaut_takes_a_step_late_is_where_its_runs_tend() -> None:
 
 @pytest.mark.parametrize(
     ("value", "number"),
-    [("-5", -5), (" -5", 0), (" 5", 5), ("2*3", 2), ("a+1", 0), ("-5*a", -5), ("-.5e1", -5)],
+    [("-5", -5), (" -5", 0), (" 5", 5), ("2*3", 2), ("a+1", 0), ("-5*a", -5), ("-.5e1", -5), ("0x10", 0)],
 )
 def test_a_start_is_what_xppaut_makes_of_it(value: str, number: float) -> None:
     text = f"par a=3\nx(0)={value}\nx'=0\n"
@@ -353,6 +353,14 @@ def test_a_start_is_what_xppaut_makes_of_it(value: str, number: float) -> None:
     assert told == (value not in {"-5", " 5", "-.5e1"})
     rows, _ = xppaut.run(f"{text}@ meth=euler,dt=1,total=1\ndone\n")
     assert rows[0, 1] == number
+
+
+@pytest.mark.parametrize(("value", "number"), [("0x10", 16), ("-0x1.8p1", -3), ("1e3x", 1000), ("0xg", 0)])
+def test_a_parameter_is_what_xppaut_makes_of_it(value: str, number: float) -> None:
+    text = f"par a={value}\nx'=0\ninit x=2\naux y=a\n"
+    assert float(read_ode(text).parameters["a"]) == number
+    rows, _ = xppaut.run(f"{text}@ meth=euler,dt=1,total=1\ndone\n")
+    assert rows[0, 2] == number
 
 
 def test_a_comment_in_another_encoding_is_no_hindrance(tmp_path: Path) -> None:
