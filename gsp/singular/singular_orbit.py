@@ -132,6 +132,9 @@ class SingularOrbit(Drawn, Tabular):
     def __str__(self) -> str:
         lines = [f"singular orbit: {self.message}"]
         for piece in self.cycle or self.pieces:
+            if piece.fold is None and piece.run.status.ok:
+                # It was followed for that long, and comes to no end.
+                continue
             text = f"  slow time {piece.duration:.10g}"
             if piece.fold is not None:
                 fold = in_words(piece.fold.point, 8)
