@@ -108,7 +108,9 @@ def chart(
     for symbol, value in graph.items():
         elements[symbol] = read(value, ring, {}, cache).reduced()
     cache = {}
-    entries = {place: read(e, ring, elements, cache) for place, e in g_y.items()}
+    read_entries = {place: read(e, ring, elements, cache) for place, e in g_y.items()}
+    # What vanishes on the branch is no pivot.
+    entries = {place: e for place, e in read_entries.items() if not e.is_zero}
     try:
         if is_written:
             fast = range(len(g0))

@@ -141,6 +141,21 @@ class SeriesManifold(Card):
         return series_of(self._expansion.numeric.programs, self.order).over(self.branch)
 
     @cached_property
+    def evaluated(self) -> SeriesManifold:
+        """The same series as numbers are best got from it.
+
+        Beside a root in h_0 a numerator A + B sqrt(q) cancels, the more so the higher the order: programs do not.
+        """
+        special = self.specialised
+        graph = self.branch.graph or {}
+        roots = (p.exp for h in graph.values() for p in h.atoms(sp.Pow) if p.base.free_symbols)
+        return (
+            special.as_programs
+            if any(power.is_Rational and not power.is_Integer for power in roots)
+            else special
+        )
+
+    @cached_property
     def _ahead(self) -> SeriesManifold:
         """The series with the parameters' values in, and the next two orders as far as they look short."""
         series = self.specialised
@@ -329,13 +344,13 @@ class SeriesManifold(Card):
 
     @cached_property
     def _h_function(self):
-        special = self.specialised
+        special = self.evaluated
         outputs = [e for part in special._written(special.chart.ring.horner) for e in part]
         return compile_over(self.branch.system, tuple(outputs), arguments=self.coordinates)
 
     @cached_property
     def _slope_function(self):
-        special = self.specialised
+        special = self.evaluated
         ring = special.chart.ring
         rows, places = range(self.order + 1), range(ring.derivations)
         return self._compiled(
@@ -343,7 +358,7 @@ class SeriesManifold(Card):
         )
 
     def _compiled(self, elements: list[RingElement]):
-        outputs = tuple(map(self.specialised.chart.ring.horner, elements))
+        outputs = tuple(map(self.evaluated.chart.ring.horner, elements))
         return compile_over(self.branch.system, outputs, arguments=self.coordinates)
 
     @cached_property

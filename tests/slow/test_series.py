@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+import gsp
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BeyondReachWarning, DeclarationError, HyperbolicityError, UnsupportedFunctionError
 from gsp.slow.components import Components
@@ -441,3 +442,43 @@ def test_what_can_be_read_of_a_series_is_the_longest_part_within_the_limit() -> 
         found = series.readable(limit)
         assert max(found.sizes) <= limit
         assert found.order == 4 or numbers.sizes[found.order + 1] > limit
+
+
+QUADRATIC = SlowFastSystem(
+    slow={x: -x + y * z}, fast={y: x - y + z / 4, z: x * y - 2 * z + y**2 / 8}, epsilon=eps
+)
+
+
+def test_terms_beside_a_root_have_the_digits_of_the_implicit_branch() -> None:
+    """Numerators A + B sqrt((x - 16)*(x - 4)) left none from order 4 on."""
+    explicit = solve_critical(QUADRATIC).nearest({x: 0, y: 0, z: 0})
+    assert explicit.is_explicit
+    here = explicit.points([[-0.5]])[0]
+    implicit = replace(explicit, graph=None, equations=tuple(QUADRATIC.g))
+    sheet = implicit.through({x: -0.5, y: here[0], z: here[1]})
+    points = np.linspace(-1.9, 0.9, 9)[:, None]
+    expected = expand(sheet, order=6).terms(points, 1.0)
+    for series in (expand(explicit, order=6), expand(explicit, order=6, symbolic=False)):
+        assert not series.is_program
+        assert series.terms(points, 1.0) == pytest.approx(expected, rel=1e-9, abs=1e-11)
+    flow = gsp.restrict(expand(explicit, order=6))
+    run = gsp.integrate(flow, start={"x": 0.9}, span=(0.0, 1.0), epsilon=0.02, rtol=1e-10, atol=1e-13)
+    other = gsp.integrate(
+        gsp.restrict(expand(sheet, order=6)),
+        start={"x": 0.9},
+        span=(0.0, 1.0),
+        epsilon=0.02,
+        rtol=1e-10,
+        atol=1e-13,
+    )
+    assert run["x"][-1] == pytest.approx(other["x"][-1], rel=1e-8)
+
+
+def test_programs_find_a_pivot_where_a_diagonal_entry_vanishes_on_the_branch() -> None:
+    """On y = 1 the rate x (y - 1) has no slope by x: "the fast Jacobian is singular on the whole branch"."""
+    system = SlowFastSystem(slow={z: -z - x}, fast={x: x * (y - 1), y: z + 3 - x * y - y}, epsilon=eps)
+    series = expand(solve_critical(system).nearest({z: 0, x: 2, y: 1}), order=3)
+    points = np.linspace(-1.0, 1.0, 5)[:, None]
+    assert series.as_programs.terms(points, 0.1) == pytest.approx(
+        series.terms(points, 0.1), rel=1e-12, abs=1e-14
+    )
