@@ -72,7 +72,8 @@ def shadow(
 
 
 class _Shadowing:
-    """What `shadow` does with a `problem` whose layer `landing` ends; all lengths are in common `units` of the states.
+    """What `shadow` does with a `problem` whose layer `landing` ends: all is about the `centre` of the system and in
+    common `units` of the states.
 
     What is told is in those of the problem.
     """
@@ -93,15 +94,19 @@ class _Shadowing:
         # How far the slow variables come in the time that is looked at: a start may be at 0.
         way = rates(landed[None, :], parameter_vector(system, epsilon))[0] * LAYER_TIMES * self.layer_time
         way = np.where(np.isfinite(way), way, 0.0)
-        states = np.array([given[:n], [*way[:nx], *landing.point]])
+        # How far a state is from the origin is no size of what it does.
+        own, centre = problem.branch.about_centres, system.centre
+        self.centre = np.concatenate([centre, np.zeros(len(problem.driven))])
+        states = np.array([given[:n] - centre, [*way[:nx], *(landing.point - centre[nx:])]])
         driven = np.maximum(np.abs(given[n:]), np.abs(way[nx:]))
-        self.units = common_units(system, states, driven)
-        self.start = given / self.units
-        branch = problem.branch.moved_into(self.units[:n])
-        y_units = self.units[nx:n]
+        self.units = common_units(own.system, states, driven)
+        self.start = (given - self.centre) / self.units
+        branch = own.moved_into(self.units[:n])
         self.surface = surface
-        self.height = _height(branch, epsilon, landing.point / y_units, surface, (self.units[:nx], y_units))
-        given_rates = dict(zip(problem.driven, problem.driven_rates))
+        near = (landing.point - centre[nx:]) / self.units[nx:n]
+        self.height = _height(branch, epsilon, near, surface, (centre, self.units[:n]))
+        there = {s: s + c for s, c in system.centres.items()}
+        given_rates = {s: rate.xreplace(there) for s, rate in zip(problem.driven, problem.driven_rates)}
         driven_rates = in_units(given_rates, dict(zip(self.states, self.units)))
         self.slow = _ShadowingFlow(branch.system, driven_rates, epsilon, self.height)
         self.flow = VectorField(
@@ -149,7 +154,8 @@ class _Shadowing:
                 "Take a smaller epsilon.",
             )
         values, errors = (
-            {s.name: float(v) for s, v in zip(self.problem.slow, part * units)} for part in (first, estimates)
+            {s.name: float(v) for s, v in zip(self.problem.slow, part * units + origin)}
+            for part, origin in ((first, self.centre[slow]), (estimates, 0.0))
         )
         if self.surface is not None:
             # Refuses a base point off its piece.
@@ -198,7 +204,7 @@ class _Shadowing:
         """Which of the places x (m, n_slow), in units, a solved manifold covers; without one all."""
         if self.surface is None:
             return np.ones(len(x), dtype=bool)
-        return np.all(self.surface.covers(x * self.units[: x.shape[1]]), axis=1)
+        return np.all(self.surface.covers(x * self.units[: x.shape[1]] + self.centre[: x.shape[1]]), axis=1)
 
     def _small(self) -> str:
         return f"{self.problem.branch.system.epsilon} = {self.epsilon:g}"
@@ -214,7 +220,8 @@ class _Shadowing:
         if not len(run.t):
             return "once"
         return ", ".join(
-            f"{s.name} = {value:.6g}" for s, value in zip(self.problem.system.states, run.y[:, i] * self.units)
+            f"{s.name} = {value:.6g}"
+            for s, value in zip(self.problem.system.states, run.y[:, i] * self.units + self.centre)
         )
 
 
@@ -223,17 +230,21 @@ def _height(
     epsilon: float,
     near: np.ndarray,
     surface: SampledManifold | None,
-    units: tuple[np.ndarray, np.ndarray],
+    frame: tuple[np.ndarray, np.ndarray],
 ) -> Surface:
-    """h(x) (m, n_fast) and its largest estimated error, over points (m, n_slow), in the `units` of x and of y."""
-    x_units, y_units = units
+    """h(x) (m, n_fast) and its largest estimated error, over points (m, n_slow), in the `frame`: the centres of the
+    states, and their units about these.
+    """
+    nx = len(branch.system.x)
+    (x_centre, y_centre), (x_units, y_units) = (np.split(part, [nx]) for part in frame)
     if surface is not None:
         error = float((surface.error_estimates / y_units).max())
         low, high = np.array([surface.region[s.name] for s in branch.system.x]).T
 
         def solved(x: np.ndarray) -> tuple[np.ndarray, float]:
             # Iterates on the way back may come off the piece; where they end is looked at.
-            return np.atleast_2d(surface.evaluate(np.clip(x * x_units, low, high))) / y_units, error
+            there = np.clip(x * x_units + x_centre, low, high)
+            return (np.atleast_2d(surface.evaluate(there)) - y_centre) / y_units, error
 
         return solved
     guess = None if branch.is_explicit or branch.seed is not None else near
@@ -242,7 +253,7 @@ def _height(
         y0 = np.atleast_2d(branch.points(x, near=guess))
         y, orders, errors, _, _ = climb(tape, branch, x, y0, epsilon, order=None, tolerance=1e-15)
         if (orders < 0).any():
-            where = zip(branch.system.x, x[np.argmin(orders)] * x_units)
+            where = zip(branch.system.x, x[np.argmin(orders)] * x_units + x_centre)
             raise BranchError(
                 f"the slow manifold was not found at {branch.system.epsilon} = {epsilon:g} over "
                 f"{', '.join(f'{s.name} = {value:.6g}' for s, value in where)}.",

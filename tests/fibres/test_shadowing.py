@@ -98,14 +98,14 @@ def test_without_jets_heights_are_sums_and_their_error_is_the_largest_of_all_poi
     system = SlowFastSystem(slow={x: -(x**2)}, fast={y: x - y}, epsilon=eps)
     (branch,) = solve_critical(system).branches
     places = np.array([[0.01], [1.0]])
-    units = np.ones(1), np.ones(1)
-    jets, _ = shadowing._height(branch, 0.05, np.zeros(1), None, units)(places)
+    frame = np.zeros(2), np.ones(2)
+    jets, _ = shadowing._height(branch, 0.05, np.zeros(1), None, frame)(places)
 
     def refuse(system: SlowFastSystem) -> None:
         raise UnsupportedFunctionError("no series.", "")
 
     monkeypatch.setattr(shadowing, "write_tape", refuse)
-    sums, error = shadowing._height(branch, 0.05, np.zeros(1), None, units)(places)
+    sums, error = shadowing._height(branch, 0.05, np.zeros(1), None, frame)(places)
     off = np.abs(sums - jets)[:, 0]
     assert off[0] < 1e-14
     assert 1e-9 < off[1] <= error < 1e-4
@@ -113,13 +113,13 @@ def test_without_jets_heights_are_sums_and_their_error_is_the_largest_of_all_poi
 
 def test_where_no_height_is_found_is_told_in_the_models_own_units(monkeypatch) -> None:
     (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=eps)).branches
-    height = shadowing._height(branch, 0.05, np.zeros(1), None, (np.array([4.0]), np.ones(1)))
+    height = shadowing._height(branch, 0.05, np.zeros(1), None, (np.array([2.0, 0.0]), np.array([4.0, 1.0])))
 
     def lost(tape, branch, x, y, epsilon, order, tolerance) -> tuple:
         return y, np.where(x[:, 0] == 3.0, -1, 2), np.zeros(len(x)), None, 0
 
     monkeypatch.setattr(shadowing, "climb", lost)
-    with pytest.raises(BranchError, match="over x = 12\\."):
+    with pytest.raises(BranchError, match="over x = 14\\."):
         height(np.array([[1.0], [3.0], [5.0]]))
 
 
@@ -177,3 +177,34 @@ def test_a_base_point_off_the_solved_piece_is_refused() -> None:
     piece = solve_manifold(branch, region={"x": (0.2, 1)}, epsilon=0.01, tolerance=1e-12)
     with pytest.raises(GspError, match=r"covers x in \[0.2, 1\]"):
         shadow(branch, {"x": 0.0, "y": 1.0}, epsilon=0.01, reconstruction={}, surface=piece)
+
+
+@pytest.mark.parametrize("by", [1_000, -1_000_000])
+@pytest.mark.parametrize("is_solved", [False, True])
+def test_far_from_the_origin_a_base_point_is_where_it_is_and_costs_the_same(
+    by: int, is_solved: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Slopes over steps of 1e-4 |x| made 80,000 panels of one layer at a million."""
+    calls: list[int] = []
+    rates = shadowing._ShadowingFlow.rates
+    monkeypatch.setattr(
+        shadowing._ShadowingFlow, "rates", lambda flow, z: calls.append(len(z)) or rates(flow, z)
+    )
+    found = []
+    for c in (0, by):
+        u, v = x - c, y - c
+        system = SlowFastSystem(
+            slow={x: u * v - 2 * u**2 / (1 + u**2)}, fast={y: u - v - v**3 / 5}, epsilon=eps
+        )
+        (branch,) = solve_critical(system).branches
+        branch = branch.through({"x": 1.0 + c, "y": 0.8 + c})
+        surface = solve_manifold(branch, region={"x": (c + 0.2, c + 2.0)}, epsilon=0.02) if is_solved else None
+        start = {"x": 1.0 + c, "y": 2.0 + c, "q": 0.0}
+        base = shadow(branch, start, epsilon=0.02, reconstruction={q: v}, surface=surface)
+        found.append((base.values["x"] - c, base.values["q"], base.errors["x"], len(calls)))
+        calls.clear()
+    (near, driven_near, _, few), (far, driven_far, error, many) = found
+    assert far == pytest.approx(near, abs=error + abs(by) * 2e-15)
+    assert driven_far == pytest.approx(driven_near, abs=abs(by) * 2e-15 + 1e-12)
+    assert error < 1e-7
+    assert many <= 2 * few
