@@ -213,9 +213,7 @@ class _Shadowing:
     def _state(self, run: Trajectory, i: int) -> str:
         if not len(run.t):
             return "once"
-        return ", ".join(
-            f"{s.name} = {value:.6g}" for s, value in zip(self.problem.system.states, run.y[:, i] * self.units)
-        )
+        return self.problem.system.place(dict(zip(self.problem.system.states, run.y[:, i] * self.units)))
 
 
 def _height(
@@ -242,10 +240,10 @@ def _height(
         y0 = np.atleast_2d(branch.points(x, near=guess))
         y, orders, errors, _, _ = climb(tape, branch, x, y0, epsilon, order=None, tolerance=1e-15)
         if (orders < 0).any():
-            where = zip(branch.system.x, x[np.argmin(orders)] * x_units)
+            where = dict(zip(branch.system.x, x[np.argmin(orders)] * x_units))
             raise BranchError(
                 f"the slow manifold was not found at {branch.system.epsilon} = {epsilon:g} over "
-                f"{', '.join(f'{s.name} = {value:.6g}' for s, value in where)}.",
+                f"{branch.system.place(where)}.",
                 "Take a smaller epsilon.",
             )
         return y, float(np.max(errors))
