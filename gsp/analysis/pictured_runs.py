@@ -95,11 +95,11 @@ def landing_runs(
     end = t0 + min(t1 - t0, max(layer, 0.3 * (t1 - t0)))
     runs = []
     last = _last_inside(study, limit)
-    # Where nothing bounds a fast variable, as far off as the limit run is from its centre, else as the start is.
-    centres = study.system.centre[len(study.system.x) :]
+    begun = limit.sample(limit.t[:1])
+    # Where nothing bounds a fast variable: as far off as the start is, or as the limit run moves in it.
     lengths = [
-        float(np.abs(limit[y.name] - c).max()) or abs(study.start[y.name] - c) or 1.0
-        for y, c in zip(study.system.y, centres)
+        max(abs(study.start[y.name] - float(begun[y.name][0])), float(np.ptp(limit[y.name]))) or 1.0
+        for y in study.system.y
     ]
     # Over which points of the limit run within the region (as shares of its time there), and how far off (as shares of
     # the fast variable's range).

@@ -479,3 +479,19 @@ def test_long_names_stay_within_the_figure_and_one_point_is_seen():
             assert min(box.x0, box.y0) >= 0
             assert box.x1 <= figure.x1
             assert box.y1 <= figure.y1
+
+
+@pytest.mark.parametrize("far", [0, 300])
+def test_states_of_different_sizes_are_drawn_over_their_own_ranges(far: int) -> None:
+    """A concentration beside a temperature, and a temperature beside a pressure, were flat lines."""
+    x, y, epsilon = sp.symbols("x y epsilon")
+    rates = -x, 10**6 * x + far - y
+    system = SlowFastSystem(slow={x: rates[0]}, fast={y: rates[1]}, epsilon=epsilon)
+    scene = Scene(system, {"x": (0, 2e-6)}, {"x": 1e-6, "y": far}, (0, 2), 0.02)
+    axes = charts.time_series(analyse(scene, orders=(0, 1), order=1))
+    drawn = [line.get_ydata() for line in axes.lines if "full" in str(line.get_label())]
+    low, high = axes.get_ylim()
+    assert len(drawn) == 2
+    assert all(np.ptp(values) > 0.5 * (high - low) for values in drawn)
+    assert "over its range" in axes.get_ylabel()
+    assert any("1.353e-07 to" in str(line.get_label()) for line in axes.lines)
