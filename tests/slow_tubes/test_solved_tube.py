@@ -315,3 +315,13 @@ def test_a_tube_is_the_same_far_from_the_origin_and_in_other_units(far: int, len
     assert tube.verdict is moved.verdict is ProofVerdict.PROVED
     # The coefficients of the interpolant are doubles of its size.
     assert moved.delta < unit * tube.delta + 20.0 * math.ulp(float(far + unit))
+
+
+def test_values_far_from_the_origin_are_rounded_once() -> None:
+    """They were off by up to three units in the last place, and a proved bound is not about that."""
+    found = solved({x: 300 - x}, {y: 300 + (x - 300) ** 3 - y}, {"x": (300.2, 301.0)}, 0.0625)
+    (low, high), coefficients = found.surface.box[0], found.surface.coefficients[:, 0]
+    for place in np.linspace(300.2, 301.0, 41):
+        inner = 2 * (R(place) - R(low)) / (R(high) - R(low)) - 1
+        exact = sum(R(c) * sp.chebyshevt(j, inner) for j, c in enumerate(coefficients))
+        assert abs(R(float(found.evaluate(place)[0])) - exact) < 0.51 * math.ulp(300.0)
