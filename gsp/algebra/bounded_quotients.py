@@ -14,6 +14,7 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 import sympy as sp
+from sympy.codegen.cfunctions import expm1, log1p
 
 from gsp.algebra.differentiation import bounded_product
 from gsp.algebra.sharing import is_shared, plus, times
@@ -41,7 +42,7 @@ def bounded(expression: Any, known: dict[Any, Written]) -> Any:
 
 def finite(expression: Any) -> Any:
     """`expression` with all its parts `bounded`; itself where parts are shared, which a walk would meet as often."""
-    if is_shared(expression) or not _waves(expression):
+    if is_shared(expression) or not (_waves(expression) or expression.has(sp.log)):
         return expression
     found = bounded(expression, {})
     if found is not expression:
@@ -68,12 +69,21 @@ def _bounded_quotient(expression: Any, known: dict[Any, Written]) -> Any:
 
 
 def _bounded_logarithm(expression: Any, known: dict[Any, Written]) -> Any:
-    """log of a sum of exponentials, such as log(1 + exp(u)) = max(u, 0) + log(e1 + e2); itself of anything else."""
+    """log of a sum of exponentials, such as 2 + exp(u), or of 1 and more; itself of anything else.
+
+    With p = max(u, 0), log(1 + exp(u)) = p + log1p((exp(-p) - 1) + e1), which keeps its digits where it is small.
+    """
     (inside,) = expression.args
-    if is_shared(inside) or not (inside.is_Add and _waves(inside)):
+    if is_shared(inside) or not inside.is_Add:
         return expression
-    value, powers = _written(inside, known)
-    return sp.log(value) + _exponent(powers) if powers else expression
+    one, rest = inside.as_coeff_Add()
+    value, powers = _written(rest if one == 1 else inside, known)
+    exponent = _exponent(powers)
+    if one == 1:
+        return exponent + log1p(
+            plus([expm1(-exponent, evaluate=False), value] if powers else [value]), evaluate=False
+        )
+    return exponent + sp.log(value) if powers else expression
 
 
 def _exponent(powers: _Powers) -> Any:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gsp.algebra.printing import Language
+from gsp.algebra.printing import REWRITTEN, Language
 
 SAME = (
     "exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh",
-    "atanh",
+    "atanh", "log1p", "expm1",
 )  # fmt: skip
 """Functions that go by SymPy's name in most languages."""
 INVERSE = ("asin", "acos", "atan", "asinh", "acosh", "atanh")
@@ -63,7 +63,7 @@ JULIA = Language(
 XPPAUT = Language(
     "XPPAUT",
     {
-        **{name: name for name in SAME if name not in ("asinh", "acosh", "atanh")},
+        **{name: name for name in SAME if name not in REWRITTEN},
         "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min",
     },
     "({}^{})".format,
@@ -73,7 +73,7 @@ XPPAUT = Language(
 SBML = Language(
     "SBML",
     {
-        **{name: name for name in SAME if name not in INVERSE},
+        **{name: name for name in SAME if name not in (*INVERSE, "log1p", "expm1")},
         **{name: f"arc{name[1:]}" for name in INVERSE},
         "log": "ln", "sqrt": "root", "Abs": "abs",
     },

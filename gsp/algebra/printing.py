@@ -16,6 +16,8 @@ from gsp.errors import UnsupportedFunctionError
 
 # Whole numbers up to here are doubles, and the quotient of two of them is rounded once.
 EXACT = 2**53
+REWRITTEN = ("asinh", "acosh", "atanh", "log1p", "expm1")
+"""What a language without it has written with exp and log."""
 
 
 @dataclass(frozen=True)
@@ -151,8 +153,8 @@ class Printer(CodePrinter):
         if name == "Heaviside":
             # Off the switching set, on which no reduced flow is defined.
             return f"(0.5*(1.0 + {self._call('sign', expr.args[0])}))"
-        if name in ("asinh", "acosh", "atanh") and name not in self._in.functions:
-            return f"({self.text(expr.rewrite(sp.log))})"
+        if name in REWRITTEN and name not in self._in.functions:
+            return f"({self.text(expr.rewrite(sp.exp).rewrite(sp.log))})"
         if len(expr.args) == 1:
             return self._call(name, expr.args[0])
         self._print_not_supported(expr)

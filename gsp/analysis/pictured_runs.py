@@ -95,14 +95,20 @@ def landing_runs(
     end = t0 + min(t1 - t0, max(layer, 0.3 * (t1 - t0)))
     runs = []
     last = _last_inside(study, limit)
+    begun = limit.sample(limit.t[:1])
+    # Where nothing bounds a fast variable: as far off as the start is, or as the limit run moves in it.
+    lengths = [
+        max(abs(study.start[y.name] - float(begun[y.name][0])), float(np.ptp(limit[y.name]))) or 1.0
+        for y in study.system.y
+    ]
     # Over which points of the limit run within the region (as shares of its time there), and how far off (as shares of
     # the fast variable's range).
     for share, offsets in {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}.items():
         there = limit.sample(limit.t[0] + share * (last - limit.t[0]))
         x = {s.name: float(there[s.name][0]) for s in study.system.x}
         on = on_manifold(series, {**study.start, **x}, scene.epsilon)
-        for y in study.system.y:
-            low, high = study.region.get(y.name, (on[y.name] - 1.0, on[y.name] + 1.0))
+        for y, off in zip(study.system.y, lengths):
+            low, high = study.region.get(y.name, (on[y.name] - off, on[y.name] + off))
             for offset in offsets:
                 distance = (high if offset > 0 else low) - on[y.name]
                 start = {**on, y.name: on[y.name] + abs(offset) * distance}

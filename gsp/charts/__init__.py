@@ -135,6 +135,7 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
 
     One that needs what the analysis has lost is among them: drawing it raises the reason.
     """
+    check_noun(analysis, Analysis, verb="charts.applicable")
     charts: dict[str, Callable[[Analysis], Axes]] = {}
     # The whole phenomenon first.
     if analysis.scene.path is not None:

@@ -22,6 +22,7 @@ from gsp.charts.style import (
 from gsp.comparison.method_table import MethodTable
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.trajectory import Trajectory
+from gsp.systems.arguments import check_among
 
 # A colour a family of methods, in the order of the table.
 FAMILIES = (*SERIES, INK, GREY)
@@ -59,6 +60,7 @@ def method_errors(table: MethodTable, axes: Axes) -> None:
 @chart()
 def composite(solution: CompositeSolution, axes: Axes, *, name: str, full: Trajectory | None = None) -> None:
     """One variable of a composite expansion with its inner and outer parts, against the full run, log time."""
+    check_among(name, solution.names, "name is that of a variable of the expansion.", "They are")
     t0, t1 = float(solution.t[0]), float(solution.t[-1])
     layer = min(solution.layer_time, t1 - t0)
     t = t0 + np.geomspace(1e-3 * layer, t1 - t0, LINE)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -49,6 +51,7 @@ from gsp.charts.style import (
     plane_axes,
 )
 from gsp.integration.trajectory import Trajectory
+from gsp.systems.region import shown_within
 
 # Grid points of a field along each axis: streamlines end within one cell of a line of equilibria.
 FIELD = 161
@@ -145,6 +148,18 @@ def _from_limit(analysis: Analysis, run: Trajectory, name: str) -> tuple[np.ndar
     return t, (reading(analysis, run.sample(t), name) - analysis.limit.sample(t)[name]) / size
 
 
+# Differences below this are the tolerance of the pictured runs, not the limit's error.
+UNSEEN = 1e-6
+
+
+def differs_from_limit(analysis: Analysis) -> bool:
+    """Whether some full run is further from the limit than both are known, relative to its largest value."""
+    names = [s.name for s in chart_symbols(analysis)]
+    runs = analysis.ladder.values()
+    found = (_from_limit(analysis, run, name)[1] for run in runs for name in names)
+    return any(np.abs(difference).max(initial=0.0) >= UNSEEN for difference in found)
+
+
 def shrinks_in_proportion(analysis: Analysis) -> bool:
     """Whether full runs come nearer to the limit in proportion to epsilon, as far as the ladder shows it.
 
@@ -155,7 +170,7 @@ def shrinks_in_proportion(analysis: Analysis) -> bool:
     if not all(run.status.ok for run in (analysis.limit, *analysis.ladder.values())):
         return False
     sizes = [max(np.abs(_from_limit(analysis, run, name)[1]).max() for name in names) for _, run in ladder]
-    if len(ladder) < 2 or not min(sizes) > 0.0:
+    if len(ladder) < 2 or not (min(sizes) > 0.0 and max(sizes) >= UNSEEN):
         return False
     # To a quarter of the power.
     return abs(float(np.log(sizes[1] / sizes[0]) / np.log(ladder[1][0] / ladder[0][0])) - 1.0) < 0.25
@@ -194,13 +209,10 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
         for style, name in zip(LINES, names):
             axes.plot([], [], color=GREY, ls=style, label=mathematics(name))
     axes.set_ylim(limits([np.concatenate([[0.0], *seen])], []))
-    # Differences below this are the tolerance of the pictured runs, not the limit's error.
-    if max(np.abs(values).max(initial=0.0) for values in seen) < 1e-6:
+    if not differs_from_limit(analysis):
         axes.set_ylim(-1.0, 1.0)
         axes.set_yticks([0.0])
-        axes.text(
-            0.5, 0.6, "no difference but rounding: the limit is exact", ha="center", transform=axes.transAxes
-        )
+        axes.text(0.5, 0.6, "no difference above the runs' tolerance", ha="center", transform=axes.transAxes)
     axes.set_xlim(margins(np.array(times), 0.02))
     axes.set_xlabel("slow time $t$")
     quantity = mathematics(names[0]) if len(names) == 1 else "slow variables"
@@ -221,6 +233,7 @@ def _layer(analysis: Analysis) -> float:
 def time_series(analysis: Analysis, axes: Axes) -> None:
     """States of the full run at the scene's epsilon and the reduced run of the highest order over it.
 
+    Each is drawn from its least to its largest value where one of them would be flat on an axis of all.
     Time is logarithmic, so that the initial layer, of length epsilon/gap, is seen as well as the slow motion.
     """
     start, length = analysis.scene.span[0], analysis.scene.span[1] - analysis.scene.span[0]
@@ -232,16 +245,24 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
     # A clock over time is the time again, and a year's number would press all else flat.
     moving = [s.name for s, rate in zip(system.states, system.rates) if rate != 1]
     names = moving or [s.name for s in system.states]
+    ends = {name: (float(full[name].min()), float(full[name].max())) for name in names}
+    flat = _pressed_flat(ends)
+
+    def height(run: Trajectory, name: str) -> np.ndarray:
+        low, high = ends[name]
+        return (run[name] - low) / ((high - low) or 1.0) if flat else run[name]
+
     for look, name in zip(looks(), names):
-        label = f"{mathematics(name)}, full"
-        axes.plot(full.t - start, full[name], **look, lw=3.2, alpha=0.45, label=label)
-    lines = [full[name] for name in names]
+        told = f" ({' to '.join(shown_within(end, ends[name]) for end in ends[name])})" if flat else ""
+        label = f"{mathematics(name)}{told}, full"
+        axes.plot(full.t - start, height(full, name), **look, lw=3.2, alpha=0.45, label=label)
+    lines = [height(full, name) for name in names]
     # A run that ends where it starts is no line, and a series past its reach there says nothing of the size.
     if len(reduced.t) > 1:
         for name in names:
             label = f"reduced, order {analysis.short_series.order}" if name == names[-1] else None
-            axes.plot(reduced.t - start, reduced[name], color=INK, lw=0.9, ls=(0, (5, 2)), label=label)
-        axes.set_ylim(limits([reduced[name] for name in names], lines, headroom=0.1))
+            axes.plot(reduced.t - start, height(reduced, name), color=INK, lw=0.9, ls=(0, (5, 2)), label=label)
+        axes.set_ylim(limits([height(reduced, name) for name in names], lines, headroom=0.1))
     else:
         axes.set_ylim(limits(lines, [], headroom=0.1))
     if analysis.hyperbolicity.gap > 0.0:
@@ -254,5 +275,12 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
     axes.set_xlim(first, length)
     since = "t" if start == 0.0 else f"t - {start:g}"
     axes.set_xlabel(f"slow time ${since}$, logarithmic")
-    axes.set_ylabel("states")
-    legend(axes, columns=4)
+    axes.set_ylabel("states, each over its range" if flat else "states")
+    legend(axes, columns=2 if flat else 4)
+
+
+def _pressed_flat(ends: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether some state that moves would be a flat line on an axis that holds all of them as they are."""
+    whole = max(high for _, high in ends.values()) - min(low for low, _ in ends.values())
+    # What is less than a line is wide is not seen.
+    return any(0.0 < high - low < 0.02 * whole for low, high in ends.values())

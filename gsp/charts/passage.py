@@ -43,6 +43,8 @@ def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit])
     `exits` are results of `fold_exit` in one section. The first slow variable is drawn across, and upwards the fast
     variable of the section; the critical manifold too where there is one variable of each kind.
     """
+    if not exits:
+        raise DeclarationError("exits are empty.", "Give results of fold_exit.", got="[]", value=exits)
     system = passage.system
     across, (up, value) = system.x[0].name, exits[0].section
     low_x, high_x, low_y, high_y = _frame(passage, exits, across, up, value)

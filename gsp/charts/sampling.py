@@ -17,6 +17,7 @@ from gsp.lowering.compiled_function import compile_over
 from gsp.scenes.view import TIME
 from gsp.slow.series import best_sum
 from gsp.slow.truncation import errors, past, units
+from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Flow
 from gsp.systems.system import SlowFastSystem
 
@@ -26,6 +27,7 @@ LINE, GRID = 400, 41
 
 def shape(analysis: Analysis) -> tuple[int, int]:
     """Numbers of slow and of fast variables."""
+    check_noun(analysis, Analysis, verb="charts.shape")
     return len(analysis.study.system.x), len(analysis.study.system.y)
 
 
@@ -186,6 +188,7 @@ def slow_curve(analysis: Analysis) -> tuple[np.ndarray, np.ndarray]:
 def slow_ends(analysis: Analysis) -> tuple[bool, list[float]]:
     """(whether any of the slow manifold over one slow variable is drawn, the values of it at which its terms stop
     falling)."""
+    check_noun(analysis, Analysis, verb="charts.slow_ends")
     on, leading = slow_curve(analysis)
     return bool(np.isfinite(on[:, 1]).any()), [float(value) for value in on[ends_of(on, leading), 0]]
 
@@ -260,6 +263,7 @@ def path_names(analysis: Analysis) -> tuple[str, str]:
 
 def heading_of(analysis: Analysis) -> str | None:
     """The angle whose sine and cosine drive the path, when there is exactly one."""
+    check_noun(analysis, Analysis, verb="charts.heading_of")
     rates = {symbol.name: rate for symbol, rate in analysis.scene.reconstruction.items()}
     angles = {
         function.args[0]

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import GRID, LINE, box_points, margins, on_branch
 from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, colour_bar, legend, name_axes
+from gsp.systems.arguments import check_noun
 
 # Points per axis where more than two slow variables are sampled.
 COARSE = 7
@@ -15,6 +16,7 @@ COARSE = 7
 
 def has_constant_eigenvalues(analysis: Analysis) -> bool:
     """Whether the fast eigenvalues are the same all over the region, so that there is nothing to draw over it."""
+    check_noun(analysis, Analysis, verb="charts.has_constant_eigenvalues")
     values = np.sort_complex(sampled_eigenvalues(analysis, COARSE)[1])
     values = values[np.isfinite(values).all(axis=1)]
     # Less is no variation at all.

@@ -24,10 +24,11 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
 
+from gsp.charts.options import check_options
 from gsp.errors import DeclarationError, OutputError
 from gsp.results.files import write_file
 from gsp.results.tex import name_in_tex
-from gsp.systems.arguments import check_noun, shown
+from gsp.systems.arguments import check_among, check_noun, shown
 
 # Okabe and Ito's palette: told apart with any colour vision, and in grey by their order of lightness.
 BLUE, VERMILION, GREEN, PURPLE, SKY, AMBER = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
@@ -75,14 +76,14 @@ def chart(*, height: float = 3.5, solid: Callable[[Any], bool] = lambda result: 
     """Give a chart its style, and a figure of its own when it is called without Axes."""
 
     def decorate(draw: Callable[Concatenate[Any, Axes, P], None]):
-        @cache
-        def noun() -> type:
-            """What the first parameter takes, looked up when it is first drawn."""
-            return get_type_hints(draw)[next(iter(signature(draw).parameters))]
+        # Looked up when it is first drawn.
+        hints = cache(lambda: get_type_hints(draw))
+        first = next(iter(signature(draw).parameters))
 
         @wraps(draw)
         def drawn(result, axes: Axes | None = None, /, *args: P.args, **kwargs: P.kwargs) -> Axes:
-            check_noun(result, noun(), verb=f"charts.{draw.__name__}")
+            check_noun(result, hints()[first], verb=f"charts.{draw.__name__}")
+            check_options(kwargs, hints(), verb=f"charts.{draw.__name__}")
             if axes is not None and not isinstance(axes, Axes):
                 raise DeclarationError(
                     "charts are drawn on matplotlib's Axes.",
@@ -98,7 +99,7 @@ def chart(*, height: float = 3.5, solid: Callable[[Any], bool] = lambda result: 
                     axes = cast(Axes, figure.add_subplot(projection="3d" if solid(result) else None))
                     # What a notebook shows of an object that is the value of a cell.
                     axes._repr_png_ = partial(png, axes)  # pyright: ignore[reportAttributeAccessIssue]
-                elif solid(result) != (axes.name == "3d"):
+                elif axes.name != ("3d" if solid(result) else "rectilinear"):
                     dimension = "three-dimensional" if solid(result) else "plane"
                     raise DeclarationError(
                         f"{draw.__name__} draws on {dimension} Axes for this result.",
@@ -155,7 +156,9 @@ def png(axes: Axes) -> bytes:
 
 
 def drawn(axes: Axes, kind: str) -> bytes:
-    """The figure of `axes` as a file of the `kind` png, pdf or svg."""
+    """The figure of `axes` as a file of the `kind` png, pdf or svg; raises `DeclarationError` for others."""
+    check_noun(axes, Axes, verb="charts.drawn")
+    check_among(kind, [*FORMATS], "kind is that of a file.", "There are")
     buffer = io.BytesIO()
     # SVG names its parts by random numbers unless they are salted.
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "gsp"}):
@@ -176,6 +179,10 @@ def save(axes: Axes, path: str | Path) -> Path:
 
 def check_chart_name(path: str | Path) -> Path:
     """`path`, when it ends in .png, .pdf or .svg; raises `OutputError` for any other ending."""
+    if not isinstance(path, (str, Path)):
+        raise DeclarationError(
+            "path is the name of a file.", "Let it end in .png, .pdf or .svg.", got=shown(path), value=path
+        )
     target = Path(path)
     if target.suffix[1:].lower() not in FORMATS:
         raise OutputError(

@@ -25,6 +25,8 @@ from gsp.results.mathml import Typesetter, math, parts_of_name
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_noun, shown
+from gsp.systems.region import state_sizes
+from gsp.systems.tolerances import absolute_tolerance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,6 +95,7 @@ def _demo(scene: Scene | Study, story: str | Path | None, *, verb: str) -> Demo:
     quantities = program.parts["quantities"]
     axes = told.get("axes") or _first_plane(scene, quantities) or _axes(program.parts)
     title = told.get("title") or scene.title or scene.name or scene.system.name or "A slow-fast system"
+    sizes = state_sizes(scene.region, scene.full_start)
     data = {
         "title": in_unicode(printable(title)),
         "description": in_unicode(printable(scene.description)),
@@ -100,6 +103,8 @@ def _demo(scene: Scene | Study, story: str | Path | None, *, verb: str) -> Demo:
         "epsilon": scene.epsilon if scene.has_small else 1.0,
         "start": list(scene.full_start.values()),
         "span": list(scene.span),
+        "sizes": [sizes.get(s.name, 1.0) for s in scene.system.states],
+        "absolute": absolute_tolerance(1.0, scene.region, scene.full_start),
         "axes": axes,
         "trace": told.get("trace") or axes[1],
         "units": {name: printable(unit) for name, unit in scene.units.items()},

@@ -133,6 +133,7 @@ def _reduction(study: Study, p: Sequence[sp.Symbol]) -> tuple[dict[str, str], di
         "slow": [s.name for s in system.x],
         "fast": [s.name for s in system.y],
         "explicit": branch.is_explicit,
+        "sizes": branch.scales[1].tolist(),
         "anywhere": -1 if anywhere is None else anywhere.order,
         "declared": -1 if declared is None else declared.order,
         "ended": in_unicode(reason),

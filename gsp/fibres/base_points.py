@@ -84,7 +84,7 @@ class BasePoint(Mapping[str, float], Card):
 
     def __str__(self) -> str:
         width = max(map(len, self._values))
-        start = ", ".join(f"{n} = {v:.6g}" for n, v in self.start.items())
+        start = self.branch.system.place(self.start)
         lines = [
             f"base point of the fibre through {start} at {self.branch.system.epsilon} = {self.epsilon:g}",
             *(f"  {name:>{width}} = {value:.15g}" for name, value in self._values.items()),

@@ -235,7 +235,7 @@ class Problem:
         return [self.put(laurent(g, self.system.epsilon, order=0).get(0, sp.Integer(0))) for g in self.system.g]
 
     def place(self) -> str:
-        return ", ".join(f"{name} = {value:.6g}" for name, value in self.start.items())
+        return self.system.place(self.start)
 
 
 def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:

@@ -115,7 +115,7 @@ def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
     limit = layer.jacobian(point[None, :] / layer.units)[0]
     eigenvalues = np.linalg.eigvals(limit)
     real, scale = eigenvalues.real, np.abs(eigenvalues).max()
-    where = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.x, x))
+    where = branch.system.place(dict(zip(branch.system.x, x)))
     neutral = np.abs(real) <= 1e-12 * scale
     if not np.isfinite(limit).all() or neutral.any():
         turns = np.isfinite(limit).all() and (np.abs(eigenvalues[neutral]) > 1e-12 * scale).all()
@@ -169,8 +169,8 @@ def _point(branch: Branch, layer: LayerFlow, y: np.ndarray) -> np.ndarray:
             return branch.points(layer.x[None, :], near=end)[0]
         span *= 2.0
     raise BranchError(
-        f"the branch {branch} has several sheets and the layer from {_fast_values(branch, y)} settles on none of "
-        f"them ({run.message}).",
+        f"the branch {branch} has several sheets and the layer from {branch.system.place(_fast_values(branch, y))} "
+        f"settles on none of them ({run.message}).",
         "Fix the sheet with branch.through({...}).",
     )
 
@@ -226,9 +226,7 @@ def _nonlinear(branch, layer: LayerFlow, y, point, gap, longest):
             kinks.append(right)
         pieces = _resolved(layer, point, eta, run, ends[-1], right, 0)
         if pieces is None or (switches and layer.jumps(point + pieces[-1][1][-1])):
-            place = ", ".join(
-                f"{name} = {value:g}" for name, value in _fast_values(branch, y * layer.units).items()
-            )
+            place = branch.system.place(_fast_values(branch, y * layer.units))
             raise BranchError(
                 f"the layer from {place} to the branch {branch} could not be resolved "
                 f"between the fast times {ends[-1]:.4g} and {right:.4g}: the field is not smooth there.",
@@ -315,10 +313,10 @@ def _collocate(layer: LayerFlow, point, left, half: float, eta: np.ndarray) -> n
 
 
 def _elsewhere(branch: Branch, layer: LayerFlow, y, point, run) -> str:
-    start = _fast_values(branch, y * layer.units)
-    end = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.y, run.y[:, -1] * layer.units))
-    there = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.y, point * layer.units))
-    over = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.x, layer.x))
+    start, end, there = (
+        branch.system.place(_fast_values(branch, at * layer.units)) for at in (y, run.y[:, -1], point)
+    )
+    over = branch.system.place(dict(zip(branch.system.x, layer.x)))
     backward = "" if layer.direction > 0 else " run backward, as the branch repels,"
     leads, remedy = f"leads to {end}", "Project to the branch it leads to, or move the start."
     if not run.status.ok and np.abs(run.y[:, -1]).max() > np.sqrt(1.0 / ROUNDING):

@@ -104,7 +104,7 @@ class _Shadowing:
         branch = own.moved_into(self.units[:n])
         self.surface = surface
         near = (landing.point - centre[nx:]) / self.units[nx:n]
-        self.height = _height(branch, epsilon, near, surface, (centre, self.units[:n]))
+        self.height = _height(branch, epsilon, near, surface, system, self.units[:n])
         there = {s: s + c for s, c in system.centres.items()}
         given_rates = {s: rate.xreplace(there) for s, rate in zip(problem.driven, problem.driven_rates)}
         driven_rates = in_units(given_rates, dict(zip(self.states, self.units)))
@@ -219,10 +219,8 @@ class _Shadowing:
     def _state(self, run: Trajectory, i: int) -> str:
         if not len(run.t):
             return "once"
-        return ", ".join(
-            f"{s.name} = {value:.6g}"
-            for s, value in zip(self.problem.system.states, run.y[:, i] * self.units + self.centre)
-        )
+        values = run.y[:, i] * self.units + self.centre
+        return self.problem.system.place(dict(zip(self.problem.system.states, values)))
 
 
 def _height(
@@ -230,13 +228,15 @@ def _height(
     epsilon: float,
     near: np.ndarray,
     surface: SampledManifold | None,
-    frame: tuple[np.ndarray, np.ndarray],
+    system: SlowFastSystem,
+    units: np.ndarray,
 ) -> Surface:
-    """h(x) (m, n_fast) and its largest estimated error, over points (m, n_slow), in the `frame`: the centres of the
-    states, and their units about these.
+    """h(x) (m, n_fast) and its largest estimated error, over points (m, n_slow), as the `branch` has them: about the
+    centres of the `system` and in `units` (n,).
     """
-    nx = len(branch.system.x)
-    (x_centre, y_centre), (x_units, y_units) = (np.split(part, [nx]) for part in frame)
+    (x_centre, y_centre), (x_units, y_units) = (
+        np.split(part, [len(system.x)]) for part in (system.centre, units)
+    )
     if surface is not None:
         error = float((surface.error_estimates / y_units).max())
         low, high = np.array([surface.region[s.name] for s in branch.system.x]).T
@@ -253,10 +253,10 @@ def _height(
         y0 = np.atleast_2d(branch.points(x, near=guess))
         y, orders, errors, _, _ = climb(tape, branch, x, y0, epsilon, order=None, tolerance=1e-15)
         if (orders < 0).any():
-            where = zip(branch.system.x, x[np.argmin(orders)] * x_units + x_centre)
+            where = dict(zip(system.x, x[np.argmin(orders)] * x_units + x_centre))
             raise BranchError(
                 f"the slow manifold was not found at {branch.system.epsilon} = {epsilon:g} over "
-                f"{', '.join(f'{s.name} = {value:.6g}' for s, value in where)}.",
+                f"{system.place(where)}.",
                 "Take a smaller epsilon.",
             )
         return y, float(np.max(errors))

@@ -22,7 +22,8 @@ STATE, CONSTANT, ADD, SUBTRACT, MULTIPLY, DIVIDE, SHIFT, SCALE, QUOTIENT, SIGN =
 CHAIN = 20
 (
     POWER, EXP, LOG, SQRT, SIN, COS, TAN, SINH, COSH, TANH, ASIN, ACOS, ATAN, ASINH, ACOSH, ATANH, ERF,
-) = range(CHAIN, CHAIN + 17)  # fmt: skip
+    LOG1P, EXPM1,
+) = range(CHAIN, CHAIN + 19)  # fmt: skip
 
 
 @kernel
@@ -58,6 +59,10 @@ def _elementary(operation, u, constant):
         return np.arccosh(u)
     if operation == ATANH:
         return np.arctanh(u)
+    if operation == LOG1P:
+        return np.log1p(u)
+    if operation == EXPM1:
+        return np.expm1(u)
     if operation == ERF:
         return math.erf(u)
     return np.power(u, constant)

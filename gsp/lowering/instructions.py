@@ -10,15 +10,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
+from sympy.codegen.cfunctions import expm1, log1p
 
 from gsp.algebra.bounded_quotients import Written, bounded
-from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, parts
+from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, Rule, composed, parts
 from gsp.algebra.sharing import parts_of
 from gsp.kernels import jets
 
 # Levels of nesting that are written by recursion, a few calls each.
 _DEEPEST = 80
-_CODES = {name: getattr(jets, name.upper()) for name in RULES if name != "sign"}
+# What `bounded` brings in beside the functions of a model.
+_RULES = RULES | {"log1p": Rule(lambda v, u: (u + 1).inverse()), "expm1": Rule(lambda v, u: v + 1)}
+_CODES = {name: getattr(jets, name.upper()) for name in _RULES if name != "sign"}
 
 
 @dataclass(frozen=True)
@@ -150,7 +153,7 @@ class _TapeWriter:
         if exponent is not None:
             rate = v * self.lift(exponent) / u
         else:
-            rule = RULES[name].rate
+            rule = _RULES[name].rate
             assert rule is not None
             rate = rule(v, u)
         self.rows[v.row] = (operation, u.row, self.row(rate), place)
@@ -181,7 +184,7 @@ class _TapeWriter:
             return self._product(e)
         if e.is_Pow and e.exp.is_Integer:
             return self._power(e.base, int(e.exp))
-        name, arguments = parts(e)
+        name, arguments = (type(e).__name__, e.args) if isinstance(e, (log1p, expm1)) else parts(e)
         if name in COMPOSED:
             return composed(name, [self.read(argument) for argument in arguments])
         u = self.read(arguments[0])

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from gsp.analysis.analysis import Analysis
 from gsp.charts import heading_of, shape, slow_ends
 from gsp.charts.manifolds import approaches
-from gsp.charts.orbits import shrinks_in_proportion
+from gsp.charts.orbits import differs_from_limit, shrinks_in_proportion
 from gsp.comparison.survey import HORIZON
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
@@ -136,7 +136,9 @@ def _convergence(analysis: Analysis, setter: Typesetter) -> Markup:
     text = Markup("Full runs minus the limit, relative to the largest value.")
     if shrinks_in_proportion(analysis):
         text += Markup(" The difference is proportional to {}.").format(_epsilon(analysis, setter))
-    if analysis.hyperbolicity.kind is Kind.ATTRACTING:
+    if not differs_from_limit(analysis):
+        text += " They are the same within the runs' tolerance."
+    elif analysis.hyperbolicity.kind is Kind.ATTRACTING:
         text += " At the left, in the initial layer, the slow variables change a little."
     if not analysis.limit.status.ok:
         text += f" The limit ends early: {analysis.limit.status.meaning}."

@@ -337,7 +337,8 @@ def _units(units: Mapping, known: list[str]) -> dict[str, str]:
                 value=unit,
             )
         check_words(unit, what=f"the unit of {name}")
-    return dict(units)
+    # A number's unit is 1, and is not written behind it.
+    return {name: unit for name, unit in units.items() if unit.strip() != "1"}
 
 
 def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, Values]:

@@ -399,18 +399,19 @@ def _sensitivity(branch: Branch, before: SlowPiece) -> tuple[np.ndarray, np.ndar
     """
     landing = before.landing
     assert landing is not None
-    branch = _landed_on(branch, landing)
+    sheet = _landed_on(branch, landing)
+    assert sheet is not None
 
     def end(beside: Mapping[str, float]) -> tuple[np.ndarray, float]:
-        run = _run(branch, beside, _longest(branch, beside))
+        run = _run(sheet, beside, _longest(sheet, beside))
         if run.status is not Status.FOLD_REACHED:
             raise GspError(
                 f"the slow flow from {beside} ends otherwise than its neighbour: {run.message}.",
                 "The closed orbit passes too near to a boundary of the fold's basin for its period to be expanded.",
             )
-        return np.array([run[s.name][-1] for s in branch.system.x]), float(run.t[-1] - run.t[0])
+        return np.array([run[s.name][-1] for s in sheet.system.x]), float(run.t[-1] - run.t[0])
 
-    return _slopes(branch, landing, end)
+    return _slopes(sheet, landing, end)
 
 
 def _slopes(

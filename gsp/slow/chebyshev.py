@@ -64,22 +64,26 @@ class ChebyshevSurface:
     def _sum(self, coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
         k = coefficients.shape[-1]
         result = np.empty((len(x), k))
+        # What all values have in common is added last, by one rounding, and places are told from both ends.
+        rest, first = coefficients.copy(), (0,) * len(self.box)
+        rest[first] = 0.0
+        low, high = self.box.T
         # For a point the polynomials of one axis, and what is left of the coefficients after the first.
         each = max(*coefficients.shape, coefficients.size // len(coefficients))
         # Numbers that are held at once in sums over many points.
         many = max(1, (2**22) // each)
         for begin in range(0, len(x), many):
             part = x[begin : begin + many]
-            unit = (2.0 * part - self.box.sum(axis=1)) / (self.box[:, 1] - self.box[:, 0])
-            total = np.broadcast_to(coefficients, (1, *coefficients.shape))
+            unit = ((part - low) - (high - part)) / (high - low)
+            total = np.broadcast_to(rest, (1, *rest.shape))
             for axis in range(len(self.box)):
                 n = coefficients.shape[axis]
                 basis = chebyshev.chebvander(unit[:, axis], n - 1)
                 if axis == 0:
-                    total = (basis @ coefficients.reshape(n, -1)).reshape(len(part), *coefficients.shape[1:])
+                    total = (basis @ rest.reshape(n, -1)).reshape(len(part), *rest.shape[1:])
                 else:
                     total = np.einsum("mj,mj...->m...", basis, total)
-            result[begin : begin + many] = total
+            result[begin : begin + many] = total + coefficients[first]
         return result
 
     def tails(self) -> np.ndarray:

@@ -25,8 +25,9 @@ from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.sampled_manifold import SampledManifold, defect_of
 from gsp.slow.slow_track import divide
 from gsp.systems.arguments import check_noun, check_number, check_whole
-from gsp.systems.flow import check_epsilon
-from gsp.systems.region import Interval, check_region
+from gsp.systems.flow import check_epsilon, in_words
+from gsp.systems.region import Interval, check_region, digits_between
+from gsp.systems.system import SlowFastSystem
 
 SMALLEST_TOLERANCE = 1e-14
 # The residual over the gap is the error to leading order: on random systems it fell short of it by up to 1.11.
@@ -352,18 +353,14 @@ class _Work:
         )
 
     def _place(self, x: np.ndarray) -> str:
-        return ", ".join(
-            f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, x * self.x_units + self.x_centre)
-        )
+        return _place_in(self.box, self.system, x * self.x_units + self.x_centre)
 
     def _length(self, size: float) -> str:
         """A length of the fast variables, at most."""
         return f"{size * self.y_units.max():.2g}"
 
     def _state(self, z: np.ndarray) -> str:
-        return ", ".join(
-            f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z * self.units + self.centre)
-        )
+        return self.asked.system.place(dict(zip(self.system.states, z * self.units + self.centre)))
 
 
 def _spread(sheet: Branch, intervals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -375,6 +372,12 @@ def _spread(sheet: Branch, intervals: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return x, np.where(good[:, None], y, np.nan)
 
 
+def _place_in(box: Mapping[str, Interval], system: SlowFastSystem, x: np.ndarray) -> str:
+    """A place over the region, so that places there can be told apart."""
+    digits = {s.name: digits_between(box[s.name]) for s in system.x}
+    return in_words(zip(system.x, x.tolist()), more=digits)
+
+
 def _sheet(branch: Branch, box: Mapping[str, Interval]) -> Branch:
     """The branch with one sheet fixed: by its seed, or the one within the bounds at the centre of the region."""
     if branch.is_explicit or branch.seed is not None:
@@ -383,7 +386,7 @@ def _sheet(branch: Branch, box: Mapping[str, Interval]) -> Branch:
     centre = np.array([[0.5 * sum(box[s.name]) for s in system.x]])
     bounds = {s.name: box[s.name] for s in system.y if s.name in box}
     found = branch.roots(centre, bounds=bounds)
-    place = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(system.x, centre[0]))
+    place = _place_in(box, system, centre[0])
     if len(found) != 1:
         raise BranchError(
             f"the branch {branch} has {len(found)} points over the centre of the region, "

@@ -102,6 +102,7 @@ class Invariance:
             (*self.x, *self.z, system.epsilon),
             functions=not are_rational(every),
             derivations=self.n + self.m + 1,
+            centres={s: c for s, c in series.chart.centres.items() if s in self.x},
         )
         for j, symbol in enumerate((*self.x, *self.z, system.epsilon)):
             self._ring.set_derivative(symbol, j, self._ring.one)

@@ -275,6 +275,16 @@ class Isolation:
             largest = max(largest, balls.magnitude(norm(by_x)) / self.decay(point))
         return largest
 
+    def pull(self, points: Sequence[np.ndarray]) -> float:
+        """The largest part of the slow rates that is due to z at `points`: |D_z f| over the decay."""
+        largest = 0.0
+        for point in points:
+            at = [arb(float(v)) for v in point]
+            rates = self.invariance.linearisation([*at[:-1], *([arb(0)] * self.invariance.m), at[-1]])[0]
+            by_z = rates[self.invariance.slow * self.invariance.n :]
+            largest = max(largest, balls.magnitude(norm(by_z)) / self.decay(point))
+        return largest
+
     def decay(self, point: np.ndarray) -> float:
         """The least rate of a fast direction in the middle of the tube at a point (n + 1,)."""
         at = [arb(float(v)) for v in point]

@@ -61,7 +61,8 @@ class SolvedFlow:
         with precision(self._precision):
             self._exact = SeriesFunction(arguments, [*f, *g])
             self._p = [_polynomial(surface, i) for i in range(self.m)]
-            self._derivatives = [p.derivative() for p in self._p]
+            low, high = (arb(float(end)) for end in surface.box[0])
+            self._inner = (low + high) / 2, (high - low) / 2
         self._kept: dict[tuple[float, float], tuple[list[list[arb]], list[list[arb]]]] = {}
 
     # -- the polynomial ----------------------------------------------------------------------------
@@ -73,7 +74,9 @@ class SolvedFlow:
         found = self._kept.get((c, h))
         if found is None:
             with precision(self._precision):
-                at = [[*p(arb_poly([arb(c), 1])).coeffs(), *[arb(0)] * (ORDER + 2)] for p in self._p]
+                middle, half = self._inner
+                inner = arb_poly([(arb(c) - middle) / half, 1 / half])
+                at = [[*p(inner).coeffs(), *[arb(0)] * (ORDER + 2)] for p in self._p]
                 over = [_spread(q, h) for q in at]
             # Intervals whose polynomials are kept; each is asked for several times in a row.
             if len(self._kept) >= 4096:
@@ -176,12 +179,14 @@ def _ball(value: sp.Expr) -> arb:
 
 
 def _polynomial(surface: ChebyshevSurface, component: int) -> arb_poly:
-    """One component of the interpolant as a polynomial in x."""
-    low, high = (arb(float(end)) for end in surface.box[0])
+    """One component of the interpolant as a polynomial in its inner variable, -1 to 1 over the region.
+
+    In x its coefficients would cancel where the region is far from 0.
+    """
     total = arb_poly([])
     for j, value in enumerate(surface.coefficients[:, component]):
         total = total + arb_poly(fmpz_poly.chebyshev_t(j)) * arb(float(value))
-    return total(arb_poly([-(low + high) / (high - low), 2 / (high - low)]))
+    return total
 
 
 def _spread(q: list[arb], h: float) -> list[arb]:

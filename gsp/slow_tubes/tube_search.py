@@ -218,11 +218,13 @@ class TubeSearch:
             narrowest = min(high - low for low, high in self.region[: self.invariance.slow])
             # Where nothing moves any cut-off does.
             collar = max(2.0 * self.fastest(isolation, widths) / (share * narrowest), sys.float_info.min)
-        slaved = isolation.steepness(self._samples((epsilon,)))
-        unscaled = epsilon ** -(self.invariance.order + 1)
-        # Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
+        points = self._samples((epsilon,))
+        slaved, pull = isolation.steepness(points), isolation.pull(points)
+        # Slopes of the cones as shares of that at which z changes the slow rates as fast as it decays, and of the slope
+        # of the slaved z, which is rounding beside the first of them where z changes no slow rate.
         # The steep ones come first: they hang least on how rho bends, and take the fewest boxes.
-        slopes = [s * unscaled for s in (1.0, 0.5, 0.25)] + [
+        steepest = 1.0 / pull if pull > 0.0 else slaved / sys.float_info.epsilon or 1.0
+        slopes = [s * steepest for s in (1.0, 0.5, 0.25)] + [
             s * slaved for s in (16.0, 4.0, 2.0) if slaved > 0.0
         ]
         slopes = slopes[min(first, len(slopes) - 1) :]

@@ -21,8 +21,8 @@ from gsp.errors import DeclarationError
 from gsp.results.card import Card
 from gsp.systems.arguments import check_text
 from gsp.systems.declaration import checked_parameters, equations_of, updated_parameters
-from gsp.systems.flow import Flow, Values
-from gsp.systems.region import in_units
+from gsp.systems.flow import Flow, Values, in_words
+from gsp.systems.region import digits_between, in_units
 
 
 class _Declared(Flow):
@@ -164,6 +164,13 @@ class SlowFastSystem(_Declared, Card):
         found = np.array([float(self.centres.get(s, 0)) for s in self.states])
         found.setflags(write=False)
         return found
+
+    def place(self, point: Mapping[Any, float]) -> str:
+        """Values by name, or by symbol, as text, to six digits of how far each is from its centre."""
+        centre = {s.name: float(c) for s, c in self.centres.items()}
+        named = {str(getattr(key, "name", key)): float(value) for key, value in point.items()}
+        ends = {name: sorted((centre.get(name, 0.0), value)) for name, value in named.items()}
+        return in_words(named, more={name: digits_between((low, high)) for name, (low, high) in ends.items()})
 
     @cached_property
     def about_centres(self) -> SlowFastSystem:

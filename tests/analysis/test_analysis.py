@@ -163,3 +163,21 @@ def test_progress_names_the_stages_in_order() -> None:
 def test_a_name_in_place_of_a_scene_is_named_with_the_remedy() -> None:
     with pytest.raises(DeclarationError, match=r"takes a Scene.*models\.load"):
         analyse("chaplygin_sleigh")  # pyright: ignore[reportArgumentType]
+
+
+def test_runs_start_off_the_manifold_by_as_much_in_any_unit_and_far_from_the_origin() -> None:
+    """Where nothing bounds the fast variable it was 1: moles were flat beside it, and pascals were on the manifold."""
+    x, y, epsilon = sp.symbols("x y epsilon")
+    found = []
+    for unit, far in ((1, 0), (sp.Rational(1, 10**9), 0), (10**6, 10**7)):
+        X, Y = (x - far) / unit, (y - far) / unit
+        system = gsp.SlowFastSystem(slow={x: -unit * X}, fast={y: unit * (X - (X + 1) * Y)}, epsilon=epsilon)
+        length, place = float(unit), float(far)
+        region, start = {"x": (place + length / 10, place + 2 * length)}, {"x": place + length, "y": place}
+        scene = gsp.Scene(system, region, start, (0, 2), 0.02)
+        found.append(
+            [(run["y"][0] - place) / length for run in gsp.analyse(scene, orders=(0, 1), order=1).landing]
+        )
+    assert len(found[0]) == 8
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    assert found[2] == pytest.approx(found[0], rel=1e-6)

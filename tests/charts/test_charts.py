@@ -479,3 +479,74 @@ def test_long_names_stay_within_the_figure_and_one_point_is_seen():
             assert min(box.x0, box.y0) >= 0
             assert box.x1 <= figure.x1
             assert box.y1 <= figure.y1
+
+
+@pytest.mark.parametrize("far", [0, 300])
+def test_states_of_different_sizes_are_drawn_over_their_own_ranges(far: int) -> None:
+    """A concentration beside a temperature, and a temperature beside a pressure, were flat lines."""
+    x, y, epsilon = sp.symbols("x y epsilon")
+    rates = -x, 10**6 * x + far - y
+    system = SlowFastSystem(slow={x: rates[0]}, fast={y: rates[1]}, epsilon=epsilon)
+    scene = Scene(system, {"x": (0, 2e-6)}, {"x": 1e-6, "y": far}, (0, 2), 0.02)
+    axes = charts.time_series(analyse(scene, orders=(0, 1), order=1))
+    drawn = [line.get_ydata() for line in axes.lines if "full" in str(line.get_label())]
+    low, high = axes.get_ylim()
+    assert len(drawn) == 2
+    assert all(np.ptp(values) > 0.5 * (high - low) for values in drawn)
+    assert "over its range" in axes.get_ylabel()
+    assert any("1.353e-07 to" in str(line.get_label()) for line in axes.lines)
+
+
+def _enzyme_like():
+    x, y, epsilon = sp.symbols("x y epsilon")
+    return SlowFastSystem(slow={x: -x}, fast={y: x**2 - y}, epsilon=epsilon)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"name": 3}, "name of charts.composite is a name. Got 3."),
+        ({"name": "z"}, "name is that of a variable of the expansion. They are x, y."),
+        (
+            {"name": "y", "full": 3},
+            "full of charts.composite is a Trajectory. Got 3. Give one, or leave it out.",
+        ),
+    ],
+)
+def test_an_option_of_a_chart_is_what_it_says(given: dict, words: str) -> None:
+    series = gsp.expand(gsp.solve_critical(_enzyme_like()).branches[0], order=1)
+    solution = gsp.composite(series, {"x": 1, "y": 0}, span=(0, 1), epsilon=0.02)
+    with pytest.raises(DeclarationError) as refused:
+        charts.composite(solution, **given)
+    assert words in str(refused.value)
+
+
+def test_names_of_axes_are_a_pair_and_exits_are_some() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon)
+    fold = gsp.fold_passage(system, {"x": 1, "y": -2 / 3})
+    for exits, words in (
+        (3, "is a list of FoldExit"),
+        ([None], "is a list of FoldExit"),
+        ([], "exits are empty"),
+    ):
+        with pytest.raises(DeclarationError, match=words):
+            charts.fold_passage(fold, exits=exits)
+    orbit = gsp.singular_orbit(gsp.solve_critical(system).nearest({"x": 2, "y": 0.6}), {"x": 2, "y": 0.6})
+    for names in ("x", ("x",), ("x", "y", "x"), 1.0):
+        with pytest.raises(DeclarationError, match=r"names of charts\.singular_orbit is a pair of names"):
+            charts.singular_orbit(orbit, names=names)
+
+
+def test_what_helps_to_draw_says_what_it_takes() -> None:
+    for helper in (charts.applicable, charts.shape, charts.slow_ends, charts.heading_of, charts.png):
+        with pytest.raises(DeclarationError, match="takes an"):
+            helper(3)
+    run = gsp.integrate(_enzyme_like(), start={"x": 1, "y": 0}, span=(0, 1), epsilon=0.02)
+    polar = Figure().add_subplot(projection="polar")
+    with pytest.raises(DeclarationError, match="Got polar Axes"):
+        charts.trajectory(run, polar)
+    with pytest.raises(DeclarationError, match="path is the name of a file"):
+        charts.save(charts.trajectory(run), None)
+    with pytest.raises(DeclarationError, match="There are png, pdf, svg"):
+        charts.drawn(charts.trajectory(run), "xyz")

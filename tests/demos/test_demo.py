@@ -288,6 +288,24 @@ def test_a_page_draws_itself_and_asks_for_nothing(name: str, opened) -> None:
     assert page.requests() == []
 
 
+def test_errors_are_the_same_in_small_units(page, tmp_path) -> None:
+    """In moles the absolute tolerance of the runs was larger than the errors."""
+    x, y, eps = sp.symbols("x y epsilon")
+    errors = []
+    for unit in (sp.Integer(1), sp.Rational(1, 10**9)):
+        rates = -x + (x / unit + sp.Rational(1, 2)) * y, x - (x / unit + 1) * y
+        system = gsp.SlowFastSystem(slow={x: rates[0]}, fast={y: rates[1]}, epsilon=eps)
+        size = float(unit)
+        scene = gsp.Scene(system, {"x": (size / 10, 2 * size)}, {"x": size, "y": 0}, (0, 3), 0.02)
+        page.open(gsp.write_demo(scene, tmp_path / "enzyme.html"))
+        errors += page.run(
+            "const s = { ...settingOf(state, data), epsilon: 0.005 };"
+            "const result = model.simulate(s, [0, 1], { ...MEASUREMENT, rivals: [] });"
+            "return [Object.values(model.errorsOf(result, s).orders)];"
+        )
+    assert errors[1] == pytest.approx(errors[0], rel=1e-3)
+
+
 @pytest.mark.exhaustive
 def test_the_measured_powers_are_those_of_the_theory(opened) -> None:
     page = opened("chaplygin_sleigh", fragment="#orders=0.1.2.3&epsilon=0.01&rivals=1")

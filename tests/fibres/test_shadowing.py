@@ -98,22 +98,25 @@ def test_without_jets_heights_are_sums_and_their_error_is_the_largest_of_all_poi
     system = SlowFastSystem(slow={x: -(x**2)}, fast={y: x - y}, epsilon=eps)
     (branch,) = solve_critical(system).branches
     places = np.array([[0.01], [1.0]])
-    frame = np.zeros(2), np.ones(2)
-    jets, _ = shadowing._height(branch, 0.05, np.zeros(1), None, frame)(places)
+    jets, _ = shadowing._height(branch, 0.05, np.zeros(1), None, system, np.ones(2))(places)
 
     def refuse(system: SlowFastSystem) -> None:
         raise UnsupportedFunctionError("no series.", "")
 
     monkeypatch.setattr(shadowing, "write_tape", refuse)
-    sums, error = shadowing._height(branch, 0.05, np.zeros(1), None, frame)(places)
+    sums, error = shadowing._height(branch, 0.05, np.zeros(1), None, system, np.ones(2))(places)
     off = np.abs(sums - jets)[:, 0]
     assert off[0] < 1e-14
     assert 1e-9 < off[1] <= error < 1e-4
 
 
 def test_where_no_height_is_found_is_told_in_the_models_own_units(monkeypatch) -> None:
-    (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=eps)).branches
-    height = shadowing._height(branch, 0.05, np.zeros(1), None, (np.array([2.0, 0.0]), np.array([4.0, 1.0])))
+    system = SlowFastSystem(slow={x: 2 - x}, fast={y: (x - 2) ** 2 * (x - 2) - y}, epsilon=eps)
+    assert system.centre[0] == 2.0
+    (branch,) = solve_critical(system).branches
+    units = np.array([4.0, 1.0])
+    own = branch.about_centres.moved_into(units)
+    height = shadowing._height(own, 0.05, np.zeros(1), None, system, units)
 
     def lost(tape, branch, x, y, epsilon, order, tolerance) -> tuple:
         return y, np.where(x[:, 0] == 3.0, -1, 2), np.zeros(len(x)), None, 0

@@ -76,6 +76,12 @@ def test_units_are_shown_and_kept() -> None:
     assert "x in mM, k in 1/s, t in s, epsilon in -" in shown
 
 
+def test_no_unit_is_written_behind_a_number() -> None:
+    plain = replace(scene(), units={"x": "mM", "k": "1", "t": " 1 "})
+    assert plain.units == {"x": "mM"}
+    assert plain == replace(scene(), units={"x": "mM"})
+
+
 def test_they_are_saved_and_travel(tmp_path: Path) -> None:
     path = gsp.save(scene(), tmp_path / "enzyme.toml")
     assert gsp.load(path) == scene()

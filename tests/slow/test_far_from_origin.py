@@ -5,6 +5,7 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.errors import BranchError
 
 x, y, t, epsilon = sp.symbols("x y t epsilon")
 # g(x, t, y), and whether the sheet is shifted with t.
@@ -178,3 +179,17 @@ def test_a_relaxation_cycle_far_from_the_origin_closes_with_the_period_at_it(c: 
     expected = [3 - 2 * np.log(2), 7.01432224, 1 / 3]
     # T_1 and T_2 are differences over 1e-5, of runs that are told to 1e-11 of where the states are.
     assert orbit.coefficients == pytest.approx(expected, abs=1e-8 * c)
+
+
+def test_places_are_told_to_the_digits_of_how_far_they_are_from_the_centre() -> None:
+    """Both were 1e+06."""
+    X, Y = x - 10**6, y - 10**6
+    system = gsp.SlowFastSystem(slow={x: -X}, fast={y: X**2 + 2 * X * Y - Y - Y**2}, epsilon=epsilon)
+    start = {"x": 1000000.25, "y": 1000000.125}
+    branch = gsp.solve_critical(system).nearest(start)
+    base = gsp.project(gsp.expand(branch, order=1), start, epsilon=0.01)
+    assert "fibre through x = 1000000.25, y = 1000000.125 at" in str(base)
+    # Three sheets lie over the middle of the region.
+    sheets = gsp.SlowFastSystem(slow={x: -Y}, fast={y: X + Y - Y**3 / 3}, epsilon=epsilon)
+    with pytest.raises(BranchError, match=r"x = 1000000\.125\."):
+        gsp.solve_manifold(gsp.solve_critical(sheets).branches[0], region={"x": (1e6, 1000000.25)}, epsilon=0.3)

@@ -374,3 +374,17 @@ def test_why_no_tube_is_proved_names_parameters_of_the_region_too() -> None:
     manifold = series({x: -x}, {y: -a * y + x**2}, 1, parameters={a: 1})
     found = certify(manifold, region={"x": (-1, 1), "a": (-0.5, 1)}, epsilon=0.1)
     assert "near x = -1, a = -0.5 a fast direction does not shrink" in found.reason
+
+
+@pytest.mark.parametrize(("unit", "far"), [(1, 2020), (10**6, 300)])
+def test_a_tube_is_the_same_far_from_the_origin_and_in_other_units(unit: int, far: int) -> None:
+    here = series({x: -x + v, y: x - y}, {v: x * y - v - v * y**2}, 0)
+    X, Y, V = x - far, y - far, (v - 10**6) / unit
+    there = series({x: -X + V, y: X - Y}, {v: unit * (X * Y - V - V * Y**2)}, 0)
+    tube = certify(here, region={"x": (-1, 1), "y": (-1, 1)}, epsilon=0.0078125)
+    region = dict.fromkeys("xy", (far - 1, far + 1))
+    moved = certify(there, region=region, epsilon=0.0078125)
+    assert tube.verdict is moved.verdict is ProofVerdict.PROVED
+    assert moved.delta == pytest.approx(unit * tube.delta, rel=1e-6)
+    assert moved.collar == pytest.approx(tube.collar, rel=1e-6)
+    assert moved.tried == pytest.approx(tube.tried, rel=0.1)

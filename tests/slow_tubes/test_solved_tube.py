@@ -1,5 +1,6 @@
 """Tubes about manifolds that were solved for: implicit branches and fields with functions, against closed forms."""
 
+import math
 import random
 from dataclasses import replace
 
@@ -297,3 +298,30 @@ def test_the_region_is_rounded_outwards() -> None:
     first, last = (sp.Rational(float(end)) for end in found.region["x"])
     assert low - R(1, 10**15) < first < low
     assert high < last < high + R(1, 10**15)
+
+
+@pytest.mark.parametrize(("far", "length", "unit"), [(300, 1, 1), (0, R(1, 10**6), 60)])
+def test_a_tube_is_the_same_far_from_the_origin_and_in_other_units(far: int, length: R, unit: int) -> None:
+    here = van_der_pol(0.0625)
+    X, Y = (x - far) / length, (y - far) / unit
+    there = solved(
+        {x: -length * Y},
+        {y: unit * (X - Y**3 / 3 + Y)},
+        {"x": (float(far - R(2, 5) * length), float(far + 2 * length))},
+        0.0625,
+        through={"x": float(far), "y": float(far + unit * 3**0.5)},
+    )
+    tube, moved = (certify(of, region=of.region) for of in (here, there))
+    assert tube.verdict is moved.verdict is ProofVerdict.PROVED
+    # The coefficients of the interpolant are doubles of its size.
+    assert moved.delta < unit * tube.delta + 20.0 * math.ulp(float(far + unit))
+
+
+def test_values_far_from_the_origin_are_rounded_once() -> None:
+    """They were off by up to three units in the last place, and a proved bound is not about that."""
+    found = solved({x: 300 - x}, {y: 300 + (x - 300) ** 3 - y}, {"x": (300.2, 301.0)}, 0.0625)
+    (low, high), coefficients = found.surface.box[0], found.surface.coefficients[:, 0]
+    for place in np.linspace(300.2, 301.0, 41):
+        inner = 2 * (R(place) - R(low)) / (R(high) - R(low)) - 1
+        exact = sum(R(c) * sp.chebyshevt(j, inner) for j, c in enumerate(coefficients))
+        assert abs(R(float(found.evaluate(place)[0])) - exact) < 0.51 * math.ulp(300.0)

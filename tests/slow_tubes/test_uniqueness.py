@@ -92,7 +92,8 @@ class Family:
     def others(self, x: np.ndarray) -> list[np.ndarray]:
         """What may be added to it any number of times, (points, m) each."""
         found = []
-        for kappa, v in zip(*np.linalg.eig(np.array(self.matrix, dtype=float))):
+        values, vectors = np.linalg.eig(np.array(self.matrix, dtype=float))
+        for kappa, v in zip(values, vectors.T):
             if np.imag(kappa) < 0.0:
                 continue
             parts = (np.real, np.imag) if np.imag(kappa) > 0.0 else (np.real,)

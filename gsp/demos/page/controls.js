@@ -107,7 +107,7 @@ function sensitivities() {
   const s = settingOf(state, data);
   const places = model.quantities.map((_, j) => j);
   const along = (setting) => {
-    const run = model.full(setting, { ...PICTURE, rtol: 1e-8, atol: 1e-10 });
+    const run = model.full(setting, { ...PICTURE, rtol: 1e-8 });
     const times = Array.from({ length: 41 }, (_, k) => s.span[0] + (k * (s.span[1] - s.span[0])) / 40);
     return sampleAt(model, times, model.constants(setting), (t, z) => stateAt(run, t, z) !== null).q;
   };

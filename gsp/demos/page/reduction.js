@@ -3,8 +3,8 @@
 // and what is reconstructed.
 
 // Steps of a run, for a picture while something moves and for a measurement; the tolerances of both.
-const PICTURE = { rtol: 1e-4, atol: 1e-6, maxSteps: 3000, reducedSteps: 200 };
-const MEASUREMENT = { rtol: 1e-11, atol: 1e-13, maxSteps: 20000, reducedSteps: 4000 };
+const PICTURE = { rtol: 1e-4, maxSteps: 3000, reducedSteps: 200 };
+const MEASUREMENT = { rtol: 1e-11, maxSteps: 20000, reducedSteps: 4000 };
 // A run in fixed steps has blown up when it is so many times as large as its start.
 const BLOWN = 1e4;
 // Errors are measured at so many times.
@@ -92,7 +92,8 @@ function makeModel(data, program) {
     });
   }
 
-  const passing = (s, accuracy) => ({ ...accuracy, ends: pulsesOf(s, accuracy.maxSteps) });
+  // The absolute tolerance follows the smallest state.
+  const passing = (s, accuracy) => ({ ...accuracy, atol: accuracy.rtol * data.absolute, ends: pulsesOf(s, accuracy.maxSteps) });
 
   function explicit(s, accuracy, end) {
     const p = constants(s);
@@ -145,7 +146,7 @@ function makeModel(data, program) {
       let size = 0;
       for (let i = 0; i < nFast; i++) {
         y[i] -= residual[i];
-        size = Math.max(size, Math.abs(residual[i]) / (1 + Math.abs(y[i])));
+        size = Math.max(size, Math.abs(residual[i]) / (reduction.sizes[i] + Math.abs(y[i])));
       }
       if (!Number.isFinite(size)) return false;
       if (size < NEWTON) return true;
@@ -420,7 +421,7 @@ function makeModel(data, program) {
       let moved = 0;
       for (let i = 0; i < nRaw; i++) {
         if (given.includes(i)) continue;
-        moved = Math.max(moved, Math.abs(out[i] - z[i]) / (1 + Math.abs(out[i])));
+        moved = Math.max(moved, Math.abs(out[i] - z[i]) / (data.sizes[i] + Math.abs(out[i])));
         z[i] = out[i];
       }
       if (!Number.isFinite(moved)) return false;

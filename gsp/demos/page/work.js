@@ -34,7 +34,7 @@ function workBasis(worker, s, orders) {
 function workAt(worker, basis, rtol) {
   const { s, result, compared } = basis;
   const { model, tally } = worker;
-  const accuracy = { rtol, atol: rtol / 100, maxSteps: WORK_STEPS };
+  const accuracy = { rtol, maxSteps: WORK_STEPS };
   const p = model.constants(s);
   const z = new Float64Array(model.n);
   const row = (method, run, slowAt) => {

@@ -12,6 +12,7 @@ from typing import Any
 
 import sympy as sp
 from llvmlite import ir
+from sympy.codegen.cfunctions import expm1, log1p
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from gsp.algebra.bounded_quotients import Written, bounded
@@ -27,7 +28,7 @@ _NAN = ir.Constant(DOUBLE, float("nan"))
 
 
 # Known to SymPy and to the C library by the same name.
-_KNOWN = {
+_KNOWN = {log1p: "log1p", expm1: "expm1"} | {
     getattr(sp, name): name
     for name in (
         *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "erf"),
