@@ -47,9 +47,9 @@ def entry_exit(
     """Where an orbit that comes to `branch` over the slow variables `start` leaves it after a loss of stability.
 
     The reduced orbit is followed through the losses for at most `longest` in slow time, or `PATIENCE` times that in
-    which it gets somewhere, and while it stays in `region` (states by name). An implicit branch needs its sheet fixed.
-    Any number of slow and of fast variables; several fast modes are taken to be coupled, as they are by eigenvectors
-    that turn, so that the rightmost eigenvalue counts.
+    which it or its rightmost eigenvalue gets somewhere, and while it stays in `region` (states by name). An implicit
+    branch needs its sheet fixed. Any number of slow and of fast variables; several fast modes are taken to be
+    coupled, as they are by eigenvectors that turn, so that the rightmost eigenvalue counts.
 
     Raises `PassageError` where the branch does not attract at the start, where it ends (a fold), where an eigenvalue of
     fast variables that the others do not move takes over, and on a branch that is not invariant where an eigenvalue
@@ -79,15 +79,14 @@ def entry_exit(
             f"{np.array2string(values, precision=4)}.",
             "Start where all real parts are negative.",
         )
-    # How long an orbit is followed, as a multiple of the slow time in which it gets somewhere.
-    return _Passage(orbit, box, 100.0 * orbit.time if longest is None else longest).result()
+    return _Passage(orbit, orbit.patience if longest is None else longest).result()
 
 
 class _Passage:
     """The march along one orbit: pieces, losses and levels so far."""
 
-    def __init__(self, orbit: SlowOrbit, box: Mapping[str, Interval] | None, longest: float) -> None:
-        self.orbit, self.box, self.longest = orbit, box, longest
+    def __init__(self, orbit: SlowOrbit, longest: float) -> None:
+        self.orbit, self.longest = orbit, longest
         self.start = orbit.state.copy()
         self.pieces: list[ResolvedPanel] = []
         self.ends: list[float] = []
@@ -260,23 +259,20 @@ class _Passage:
 
     def _outside(self, z: np.ndarray) -> bool:
         names = [s.name for s in self.orbit.branch.system.states]
-        return self.box is not None and any(
-            not low <= z[names.index(name)] <= high for name, (low, high) in self.box.items()
+        return self.orbit.box is not None and any(
+            not low <= z[names.index(name)] <= high for name, (low, high) in self.orbit.box.items()
         )
 
     def _finish(self, t: float, kind: ExitKind, status: Status) -> DelayedExit:
         orbit = self.orbit
-        names = [s.name for s in orbit.branch.system.states]
         small = 1e-14 * (orbit.units + np.abs(self.start))
         phi = [before + piece.primitive for piece, before in zip(self.pieces, self.ends)]
         return DelayedExit(
-            branch=orbit.branch,
-            start=MappingProxyType(dict(zip(names, map(float, self.start)))),
+            branch=orbit.asked,
+            start=MappingProxyType(orbit.named(self.start)),
             kind=kind,
             t=t,
-            point=MappingProxyType(
-                dict(zip(names, (0.0 if abs(v) < s else float(v) for v, s in zip(orbit.at(t), small))))
-            ),
+            point=MappingProxyType(orbit.named(orbit.at(t), small)),
             losses=tuple(self.losses),
             invariant=self.invariant,
             depth=self.depth,
