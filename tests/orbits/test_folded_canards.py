@@ -12,6 +12,7 @@ from gsp.orbits.canard_orbits.canard_family import FamilyEnd
 from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbitError
 from gsp.orbits.canard_orbits.frame import frame_at
+from gsp.orbits.canard_orbits.node_units import in_own_units
 from gsp.orbits.canard_orbits.sheet import SheetEnd
 from gsp.singular.singularities.desingularised import FoldedError
 from tests.cases import sampled, thinned
@@ -275,6 +276,21 @@ def test_the_weak_canard_is_found_where_the_curves_stand_still_before_they_cross
     assert [c.name for c in found.canards] == ["gamma_0", "xi_1", "xi_2", "xi_3", "xi_4", "gamma_w"]
     assert found.touching
     assert found["gamma_w"].point["x"] == pytest.approx(0.1 * 0.01 / 2, abs=1e-7)
+
+
+def test_a_node_at_roots_of_polynomials_is_where_it_is_in_any_units() -> None:
+    """SymPy writes such roots with an x, as if it were the state of that name; in its units they were others."""
+    size = sp.Rational(1, 10**6)
+    renamed = {v: x / size, h: y / size, s: z / size}
+    slow, fast = (
+        {symbol.xreplace({v: x, h: y, s: z}): size * e.xreplace(renamed) for symbol, e in part.items()}
+        for part in (FITZHUGH_NAGUMO.slow, FITZHUGH_NAGUMO.fast)
+    )
+    system = gsp.SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    frame = in_own_units(frame_at(node(system, x=(-1e-6, 0)), epsilon=0.015))
+    plain = node(FITZHUGH_NAGUMO, v=(-1, 0))
+    place = [float(plain.point[name]) * 1e-6 for name in "hsv"]
+    assert frame.units.back.of(frame.point) == pytest.approx(np.array(place), rel=1e-12)
 
 
 @pytest.mark.parametrize(("mu", "length"), [("3/20", 10**6), ("19/200", 1)])

@@ -20,7 +20,6 @@ from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity
 from gsp.systems.flow import values_by_name
-from gsp.systems.region import in_units
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # How a singular canard leaves the folded node, in units of the local scale.
@@ -205,8 +204,11 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float, units: Units | N
 def singularity_in(singularity: FoldedSingularity, units: np.ndarray) -> FoldedSingularity:
     """The singularity of the system about its centre, its states in `units` (3,); eigenvalues know of none."""
     system = singularity.system
-    place = {s: singularity.point[s.name] - system.centres.get(s, 0) for s in system.states}
-    point = {s.name: value for s, value in in_units(place, dict(zip(system.states, units))).items()}
+    # Values have no states in them, though SymPy writes roots of polynomials in an x.
+    point = {
+        s.name: (singularity.point[s.name] - system.centres.get(s, 0)) / sp.Rational(unit)
+        for s, unit in zip(system.states, units.tolist())
+    }
     return replace(singularity, system=system.about_centres.moved_into(units), point=MappingProxyType(point))
 
 
