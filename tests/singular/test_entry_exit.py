@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import DeclarationError, Status
 from gsp.singular.passage.delayed_exit import ExitKind
 from gsp.singular.passage.entry_exit import entry_exit
 from gsp.singular.passage.failure import PassageError
@@ -108,3 +109,25 @@ def test_a_zero_of_one_slope_is_no_end_of_the_branch() -> None:
     found = entry_exit(branch, start={"y": -1})
     assert found.loss.point["y"] == 0.0
     assert found.point["y"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_region_is_left_where_it_ends_and_a_time_is_kept() -> None:
+    # The exit is at y = 1. The ends of panels were told, 0.3 and 0.1 later.
+    (branch,) = solve_critical(SlowFastSystem(slow={y: 1}, fast={x: y * x}, epsilon=epsilon)).branches
+
+    def passed(region: tuple[float, float], longest: float = 9.0):
+        return entry_exit(branch, start={"y": -1}, region={"y": region}, longest=longest)
+
+    found = passed((-2, 0.5))
+    assert (found.kind, found.status) == (ExitKind.NONE, Status.REGION_LEFT)
+    assert found.point["y"] == pytest.approx(0.5, abs=1e-9)
+    assert passed((-1, 1)).kind is ExitKind.ENTRY_EXIT
+    for longest in (1e-9, 0.5, 1.9):
+        found = passed((-2, 2), longest)
+        assert (found.kind, found.t, found.status) == (ExitKind.NONE, longest, Status.TOO_MANY_STEPS)
+    with pytest.raises(
+        DeclarationError, match=r"the start, y = -1, x = 0, lies outside the region. Got y in \[0, 2\]"
+    ):
+        passed((0, 2))
+    with pytest.raises(DeclarationError, match="amount is a rise of Phi"):
+        passed((-2, 2)).time_of_rise("a")

@@ -15,7 +15,7 @@ from numpy.polynomial.chebyshev import chebroots
 
 from gsp.algebra.differentiation import entries, jacobian
 from gsp.critical.branch import Branch
-from gsp.critical.sampling import Sampler
+from gsp.critical.sampling import EDGE, Sampler
 from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, coefficients, tail
 from gsp.integration.methods import Method
@@ -142,6 +142,16 @@ class SlowOrbit:
         there = z + self.centre
         told = np.where(np.abs(there) < rounding, 0.0, there)
         return {s.name: float(v) for s, v in zip(self.branch.system.states, told)}
+
+    def margin(self, z: np.ndarray) -> float:
+        """How far a point (n,) is within the box, by its nearest bound: negative outside, infinite without a box."""
+        place = {s.name: float(v) for s, v in zip(self.branch.system.states, z)}
+        # To rounding, as the samples of a branch are.
+        sides = (
+            min(place[name] - low, high - place[name]) + EDGE * (high - low)
+            for name, (low, high) in (self.box or {}).items()
+        )
+        return min(sides, default=float("inf"))
 
     def advance(self) -> Panel:
         """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""
