@@ -255,6 +255,13 @@ def test_a_partial_sum_beyond_the_coefficients_is_refused(order) -> None:
         canard_value(van_der_pol(), parameter=a).partial_sum(0.05, order=order)
 
 
+def test_near_may_name_the_fast_variable_at_the_fold_alone() -> None:
+    # Newton's method began at common numbers of y, a million away.
+    u, v = x + 10**6, y + 10**6
+    moved = gsp.SlowFastSystem(slow={y: u - a}, fast={x: sp.exp(u) - u - 1 - v}, epsilon=eps, parameters={a: 0})
+    assert canard_value(moved, parameter=a, order=1, near={"x": -(10**6)}).coefficients == (0, -R(1, 2))
+
+
 def test_a_start_of_newtons_method_whose_slopes_leave_the_floats_leads_nowhere() -> None:
     # x in 1e-6 and y in 1e6, about x = -1000 and y = 1000: the singular values of such slopes do not exist.
     u, v = x / 10**6 + 1000, 10**6 * y - 1000
