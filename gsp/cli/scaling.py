@@ -42,14 +42,14 @@ def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], scalings: bool
     """
     if parameters and scalings:
         raise DeclarationError("--parameters and --scalings cannot be combined.", "Give one of them.")
+    if keep and not parameters:
+        raise DeclarationError("--keep belongs to --parameters.", "Add --parameters, or leave --keep out.")
     if parameters:
         _tell_parameters(scene, keep, as_json)
         return
     if scalings:
         _tell_scalings(scene, as_json)
         return
-    if keep:
-        raise DeclarationError("--keep belongs to --parameters.", "Add --parameters, or leave --keep out.")
     from gsp.scales.time_scales import time_scales
 
     with progress_bar("time scales") as show:
@@ -86,7 +86,7 @@ def _tell_scalings(scene: Scene, as_json: bool) -> None:
         for state, rate in each.field.equations.items():
             tell(f"    {state}' = {rate}")
     if not found:
-        tell(f"No small powers of {scene.system.epsilon} bring out fast variables.")
+        tell(f"No other scaling by small powers of {scene.system.epsilon} brings out fast variables.")
 
 
 def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None:

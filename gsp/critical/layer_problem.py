@@ -230,13 +230,17 @@ def natural_scales(
     a variable scales it. It counts also where |u| is nothing beside it but rounding. Where g tells nothing the size is
     |u| if that is `above` this, or no rounding of the size at which g bends in a fast variable alone, or g_y changes
     with a slow one, which is its size else; and 1 for others, or for several fast variables what balances g_y among
-    them.
+    them. Where all are 0 the fast ones have the sizes at which g bends in each alone, if it does.
     """
     names = [s.name for s in problem.unknowns]
     scales = np.array([bounds[n][1] - bounds[n][0] if n in bounds else abs(v) for n, v in zip(names, u)])
     weights = np.abs(problem.jacobian(u))
     slow = {s.name for s in problem.system.x} if isinstance(problem, LayerProblem) else set()
     if np.isfinite(weights).all():
+        if isinstance(problem, LayerProblem) and not scales.any():
+            fast = range(len(u) - len(problem.system.y), len(u))
+            alone = np.array([_size_by_itself(problem, u, j) for j in fast])
+            scales[fast] = np.where(np.isfinite(alone), alone, 0.0)
         given = scales.copy()
         for j in (j for j, name in enumerate(names) if name not in bounds):
             others = np.where(np.arange(len(u)) == j, 0.0, given)

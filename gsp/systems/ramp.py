@@ -17,7 +17,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.results.card import Card
-from gsp.systems.arguments import check_noun, shown
+from gsp.systems.arguments import check_each, check_noun, shown
 from gsp.systems.declaration import equations_of, exact
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
@@ -53,7 +53,13 @@ class Ramp(Card):
         if not parameters:
             raise DeclarationError("a ramp moves one parameter or more.", got="none")
         (profile,) = equations_of({self.phase: self.profile}, "profile").values()
-        first, last = self.ends
+        first, last = check_each(
+            self.ends,
+            lambda end: end,
+            what="ends",
+            be="the two numbers between which the phase moves",
+            length=2,
+        )
         ends = (_number(first, "the first end"), None if last is None else _number(last, "the last end"))
         if ends[0] == ends[1]:
             raise DeclarationError("a ramp has two different ends.", got=f"{first} twice", value=first)
@@ -78,7 +84,7 @@ class Ramp(Card):
     def linear(cls, parameters: Mapping[sp.Symbol, Number | tuple[Number, Number]]) -> Self:
         """l' = r c from a, without end, for (a, c) or a alone, c = 1; the phase is r t."""
         moved = {}
-        for p, given in parameters.items():
+        for p, given in _checked(parameters).items():
             begin, slope = given if isinstance(given, (tuple, list)) else (given, 1)
             moved[p] = exact(begin) + exact(slope) * PHASE
         return cls(moved, sp.S.One, (sp.S.Zero, None))
@@ -152,9 +158,20 @@ def _number(value: Number, what: str) -> sp.Expr:
     return found
 
 
+def _checked(parameters: Mapping) -> Mapping:
+    if not isinstance(parameters, Mapping) or not parameters:
+        raise DeclarationError(
+            "a ramp moves one parameter or more.",
+            "Name each with its values, as in {l: (0, 3)}.",
+            got=shown(parameters),
+            value=parameters,
+        )
+    return parameters
+
+
 def _pairs(parameters: Mapping) -> dict[sp.Symbol, tuple[sp.Expr, sp.Expr]]:
     pairs = {}
-    for p, given in parameters.items():
+    for p, given in _checked(parameters).items():
         if not (isinstance(given, (tuple, list)) and len(given) == 2):
             raise DeclarationError(f"{p} of a ramp has two values, (from, to).", got=shown(given), value=given)
         pairs[p] = (_number(given[0], "a value"), _number(given[1], "a value"))

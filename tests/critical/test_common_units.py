@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp import SlowFastSystem, solve_critical
-from gsp.critical.common_units import common_units
+from gsp.critical.common_units import common_units, own_sizes
 
 x, y, z, epsilon = sp.symbols("x y z epsilon")
 
@@ -55,3 +55,15 @@ def test_a_state_that_is_nothing_has_the_size_at_which_it_matters(power: int) ->
     ).branches
     units = common_units(branch.system, np.array([[1.0, 1e-20]]) * 10.0**power)
     assert 0.1 <= units[1] / units[0] <= 10.0
+
+
+@pytest.mark.parametrize("power", [-9, -6, 3, 9])
+def test_states_that_are_all_nothing_have_the_sizes_at_which_the_fast_rates_bend(power: int) -> None:
+    # FitzHugh and Nagumo's neuron with a ramp x rests at 0: all units were 1 there, and a ramp was given up at once.
+    def sizes(unit: sp.Expr) -> np.ndarray:
+        u, v, w = x / unit, y / unit, z / unit
+        rate = -v * (v - sp.Rational(1, 10)) * (v - 1) - w + u
+        system = SlowFastSystem(slow={x: unit}, fast={y: unit * rate, z: unit * (v - w) / 20}, epsilon=epsilon)
+        return own_sizes(system, np.zeros(3))
+
+    assert sizes(sp.Integer(10) ** power) == pytest.approx(10.0**power * sizes(sp.Integer(1)), rel=1e-12)

@@ -12,6 +12,7 @@ from gsp.orbits.canard_orbits.canard_family import FamilyEnd
 from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbitError
 from gsp.orbits.canard_orbits.frame import frame_at
+from gsp.orbits.canard_orbits.node_units import in_own_units
 from gsp.orbits.canard_orbits.sheet import SheetEnd
 from gsp.singular.singularities.desingularised import FoldedError
 from tests.cases import sampled, thinned
@@ -275,6 +276,63 @@ def test_the_weak_canard_is_found_where_the_curves_stand_still_before_they_cross
     assert [c.name for c in found.canards] == ["gamma_0", "xi_1", "xi_2", "xi_3", "xi_4", "gamma_w"]
     assert found.touching
     assert found["gamma_w"].point["x"] == pytest.approx(0.1 * 0.01 / 2, abs=1e-7)
+
+
+def test_a_node_at_roots_of_polynomials_is_where_it_is_in_any_units() -> None:
+    """SymPy writes such roots with an x, as if it were the state of that name; in its units they were others."""
+    size = sp.Rational(1, 10**6)
+    renamed = {v: x / size, h: y / size, s: z / size}
+    slow, fast = (
+        {symbol.xreplace({v: x, h: y, s: z}): size * e.xreplace(renamed) for symbol, e in part.items()}
+        for part in (FITZHUGH_NAGUMO.slow, FITZHUGH_NAGUMO.fast)
+    )
+    system = gsp.SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    frame = in_own_units(frame_at(node(system, x=(-1e-6, 0)), epsilon=0.015))
+    plain = node(FITZHUGH_NAGUMO, v=(-1, 0))
+    place = [float(plain.point[name]) * 1e-6 for name in "hsv"]
+    assert frame.units.back.of(frame.point) == pytest.approx(np.array(place), rel=1e-12)
+
+
+@pytest.mark.parametrize(("mu", "length"), [("3/20", 10**6), ("19/200", 1)])
+def test_curves_that_cross_at_a_wide_angle_do_not_touch(mu: str, length: int) -> None:
+    """Newton's method ends in rounding at gamma_w, in some units: its curves cross at right angles, nearly."""
+    inner = {s: length * s for s in (x, y, z)}
+    slow, fast = (
+        {s: sp.expand(e.xreplace(inner) / length) for s, e in part.items()}
+        for part in (normal_form(sp.Rational(mu)).slow, normal_form(sp.Rational(mu)).fast)
+    )
+    system = gsp.SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    found = gsp.folded_canards(node(system, y=(-1 / length, 1 / length)), epsilon=0.01)
+    assert not found.touching
+    assert "touch" not in found.message
+    place = 0.005 * float(sp.Rational(mu))
+    assert length * found["gamma_w"].point["x"] == pytest.approx(place, abs=1e-9)
+    assert found["gamma_w"].error < 1e-8
+
+
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_far_from_the_origin_the_canards_are_the_same(far: int) -> None:
+    """Their curves were said to touch at gamma_w, and at 10^6 gamma_0 was off by six times its error."""
+    mu, place = sp.Rational(3, 20), {x: x - far, y: y + 2 * far, z: z - 3 * far}
+    slow, fast = (
+        {s: e.xreplace(place) for s, e in part.items()} for part in (normal_form(mu).slow, normal_form(mu).fast)
+    )
+    system = gsp.SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    singularity = node(system, y=(-2 * far - 1, -2 * far + 1))
+    found = gsp.folded_canards(singularity, epsilon=0.01, attracting={"y": -2 * far - 0.5})
+    assert [c.name for c in found.canards] == ["gamma_0", "xi_1", "xi_2", "gamma_w"]
+    assert not found.touching
+    assert found.section == ("z", 3 * far)
+    rounding = 2 * np.spacing(3.0 * abs(far))
+    assert found["gamma_0"].point["x"] - far == pytest.approx(0.005, abs=rounding)
+    assert found["gamma_w"].point["x"] - far == pytest.approx(0.00075, abs=rounding)
+    assert max(c.error for c in found.canards) < 1e-9
+    assert found.attracting.line.value == -2 * far - 0.5
+    assert found.repelling.ends[:, 1] == pytest.approx(-2.0 * far, abs=1)
+    family = gsp.follow_canard(found["xi_1"], epsilon=(0.0098, 0.0102))
+    assert family["z"] == pytest.approx(3 * far, abs=rounding)
+    # In the normal form x is as large as epsilon.
+    np.testing.assert_allclose(family["x"] - far, -0.100240089 * family.epsilon, rtol=0, atol=rounding + 1e-8)
 
 
 @pytest.mark.parametrize(

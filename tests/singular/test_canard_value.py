@@ -233,11 +233,43 @@ def test_the_brusselator_has_its_hopf_point_at_one_plus_epsilon_and_its_canard_b
     assert abs(match.value - canard.value(R(1, 100), digits=6)) < 10 * match.resolution + 1e-6
 
 
-@pytest.mark.exhaustive
 def test_an_orbit_that_does_not_reach_the_fold_is_reported() -> None:
     canard = canard_value(van_der_pol(), parameter=a)
     with pytest.raises(CanardError, match="does not arrive at the fold"):
-        match_canard(canard, 0.05, reach=(1.2, 3.5), digits=10)
+        match_canard(canard, 5, reach=(1.0, 1.0), digits=8)
+
+
+@pytest.mark.parametrize(
+    ("rate", "reach", "what"), [(a - x, 2.5, "fold"), ((a - x) * (x + R(1, 2)), 1.6, "equilibrium")]
+)
+def test_a_start_beyond_the_end_of_a_branch_is_refused(rate: sp.Expr, reach: float, what: str) -> None:
+    # The one from x = -3/2 was matched, with a resolution of 4e-13 that counts the other branch: 2.6e-12 is the most.
+    canard = canard_value(planar(y - x**3 / 3 + x, rate, a=1), parameter=a, near={"x": 1})
+    with pytest.raises(CanardError, match=f"does not begin on the branch .* has its next {what} before"):
+        match_canard(canard, 0.05, reach=(1.0, reach), digits=8)
+
+
+@pytest.mark.parametrize("order", [5, -1, "1", 1.5, float("nan"), True])
+def test_a_partial_sum_beyond_the_coefficients_is_refused(order) -> None:
+    with pytest.raises(DeclarationError, match="order is a whole number from 0 to 4"):
+        canard_value(van_der_pol(), parameter=a).partial_sum(0.05, order=order)
+
+
+def test_near_may_name_the_fast_variable_at_the_fold_alone() -> None:
+    # Newton's method began at common numbers of y, a million away.
+    u, v = x + 10**6, y + 10**6
+    moved = gsp.SlowFastSystem(slow={y: u - a}, fast={x: sp.exp(u) - u - 1 - v}, epsilon=eps, parameters={a: 0})
+    assert canard_value(moved, parameter=a, order=1, near={"x": -(10**6)}).coefficients == (0, -R(1, 2))
+
+
+def test_a_start_of_newtons_method_whose_slopes_leave_the_floats_leads_nowhere() -> None:
+    # x in 1e-6 and y in 1e6, about x = -1000 and y = 1000: the singular values of such slopes do not exist.
+    u, v = x / 10**6 + 1000, 10**6 * y - 1000
+    moved = gsp.SlowFastSystem(
+        slow={y: (u - a) / 10**6}, fast={x: 10**6 * (sp.exp(u) - u - 1 - v)}, epsilon=eps, parameters={a: 0}
+    )
+    canard = canard_value(moved, parameter=a, order=2, near={"x": -999_900_000})
+    assert canard.coefficients == (0, -R(1, 2), -R(13, 24))
 
 
 # -- accuracy is told --------------------------------------------------------------------------------

@@ -7,6 +7,8 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import DeclarationError, Status
+from gsp.singular.passage.delayed_exit import ExitKind
 from gsp.singular.passage.entry_exit import entry_exit
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.system import SlowFastSystem
@@ -65,3 +67,67 @@ def test_a_turning_point_at_which_nothing_is_pushed_is_no_buffer_point(moved: tu
     found = entry_exit(solve_critical(system).branches[0], start={"y": -2})
     assert found.point["y"] == pytest.approx(2.0)
     assert found.buffer is None
+
+
+def test_a_buffer_point_is_found_far_from_the_origin() -> None:
+    # epsilon z' = (t + 2i) z - z |z|^2 + epsilon (1 + t): the turning point t = -2i sets the buffer point t = 2. About
+    # the origin z = 0 was off by rounding, which the singular slopes at t = -2i made as large as z.
+    far = 10**6
+    t, u, v = y - far, x + far, w - far
+    square = u**2 + v**2
+    system = SlowFastSystem(
+        slow={y: 1},
+        fast={x: t * u - 2 * v - u * square + epsilon * (1 + t), w: 2 * u + t * v - v * square},
+        epsilon=epsilon,
+    )
+    branch = solve_critical(system).branches[0].through({"y": far - 3, "x": -far, "w": far})
+    found = entry_exit(branch, start={"y": far - 3}, region={"y": (far - 4, far + 9)})
+    assert found.kind is ExitKind.BUFFER
+    assert found.start == {"y": far - 3, "x": -far, "w": far}
+    assert dict(found.loss.point) == {"y": far, "x": -far, "w": far}
+    assert found.point["y"] == pytest.approx(far + 2, abs=1e-9)
+    assert found.t == pytest.approx(5, abs=1e-9)
+    with pytest.raises(PassageError, match=rf"does not attract at the start, y = {far + 1},"):
+        entry_exit(found.branch, start={"y": far + 1})
+
+
+def test_a_start_next_to_zero_is_no_reason_to_give_up() -> None:
+    # The integral of y - 1 is back at 0 at 2 less the start: a slow time of 100 times the start is not enough.
+    (branch,) = solve_critical(SlowFastSystem(slow={y: 1}, fast={x: (y - 1) * x}, epsilon=epsilon)).branches
+    found = entry_exit(branch, start={"y": 1e-5})
+    assert found.kind is ExitKind.ENTRY_EXIT
+    assert found.point["y"] == pytest.approx(2 - 1e-5, abs=1e-12)
+
+
+def test_a_zero_of_one_slope_is_no_end_of_the_branch() -> None:
+    # The Brusselator's rest point u = 1, v = 2 + t has g_y = [[1 + t, 1], [-2 - t, -1]], of determinant 1 and trace t.
+    # Elimination divided by 1 + t.
+    system = SlowFastSystem(
+        slow={y: 1}, fast={x: 1 - (y + 3) * x + x**2 * w, w: (y + 2) * x - x**2 * w}, epsilon=epsilon
+    )
+    branch = solve_critical(system).branches[0].through({"y": -1, "x": 1, "w": 1})
+    found = entry_exit(branch, start={"y": -1})
+    assert found.loss.point["y"] == 0.0
+    assert found.point["y"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_region_is_left_where_it_ends_and_a_time_is_kept() -> None:
+    # The exit is at y = 1. The ends of panels were told, 0.3 and 0.1 later.
+    (branch,) = solve_critical(SlowFastSystem(slow={y: 1}, fast={x: y * x}, epsilon=epsilon)).branches
+
+    def passed(region: tuple[float, float], longest: float = 9.0):
+        return entry_exit(branch, start={"y": -1}, region={"y": region}, longest=longest)
+
+    found = passed((-2, 0.5))
+    assert (found.kind, found.status) == (ExitKind.NONE, Status.REGION_LEFT)
+    assert found.point["y"] == pytest.approx(0.5, abs=1e-9)
+    assert passed((-1, 1)).kind is ExitKind.ENTRY_EXIT
+    for longest in (1e-9, 0.5, 1.9):
+        found = passed((-2, 2), longest)
+        assert (found.kind, found.t, found.status) == (ExitKind.NONE, longest, Status.TOO_MANY_STEPS)
+    with pytest.raises(
+        DeclarationError, match=r"the start, y = -1, x = 0, lies outside the region. Got y in \[0, 2\]"
+    ):
+        passed((0, 2))
+    with pytest.raises(DeclarationError, match="amount is a rise of Phi"):
+        passed((-2, 2)).time_of_rise("a")

@@ -171,6 +171,14 @@ def test_a_joint_goes_through_from_its_raw_equations(tmp_path: Path) -> None:
     assert "fast: motor_scaled, w_scaled" in CliRunner().invoke(cli, ["scales", str(file), "--scalings"]).stdout
 
 
+def test_a_model_that_needs_no_scaling_is_told_so() -> None:
+    # Its x is fast as it is: it was said that nothing brings out fast variables.
+    found = CliRunner().invoke(cli, ["scales", "van_der_pol", "--scalings"])
+    assert found.stdout == "No other scaling by small powers of epsilon brings out fast variables.\n"
+    refused = CliRunner().invoke(cli, ["scales", "van_der_pol", "--scalings", "--keep", "a"])
+    assert "--keep belongs to --parameters" in str(refused.exception)
+
+
 def test_time_region_and_starts_follow() -> None:
     given = KNOWN["Michaelis and Menten's with little enzyme"][0]
     driven = sp.Symbol("made")

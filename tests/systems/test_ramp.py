@@ -53,6 +53,11 @@ def test_a_field_along_a_ramp_has_the_phase_for_a_parameter() -> None:
     [
         (lambda: Ramp.tanh({l: 3}), "two values"),
         (lambda: Ramp.tanh({}), "one parameter or more"),
+        (lambda: Ramp.logistic({}), "one parameter or more"),
+        (lambda: Ramp.linear(None), "one parameter or more"),
+        (lambda: Ramp.there_and_back([(l, 0, 3)]), "one parameter or more"),
+        (lambda: Ramp({l: PHASE}, 1, 3), "the two numbers"),
+        (lambda: Ramp({l: PHASE}, 1, (0, 1, 2)), "the two numbers"),
         (lambda: Ramp.logistic({l: (2, 2)}), "from one value to another"),
         (lambda: Ramp({l: PHASE}, 1, (0, 0)), "two different ends"),
         (lambda: Ramp({l: PHASE}, 1, (0, x)), "is a number"),

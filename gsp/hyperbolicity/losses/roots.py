@@ -54,9 +54,12 @@ def gauss_newton_at_each(
         if not len(moving):
             break
         value, slope = evaluate(u[moving] * units)
+        # Beside an exponential slopes may leave the floats in these units only.
+        with np.errstate(over="ignore", invalid="ignore"):
+            slope = slope * units
         finite = np.isfinite(value).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
         lost[moving[~finite]] = True
-        moving, value, slope = moving[finite], value[finite], slope[finite] * units
+        moving, value, slope = moving[finite], value[finite], slope[finite]
         step = _least_norm(slope, value) if sparse else _least_squares(slope, value)
         # Far from any zero of an exponential a step may be longer than a float.
         with np.errstate(over="ignore", invalid="ignore"):

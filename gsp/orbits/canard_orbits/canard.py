@@ -134,13 +134,13 @@ class CanardSolver:
             orbit = self.solver.solve(orbit.adapted(PRECISION, FEWEST, MOST), self.conditions)
         return orbit
 
-    def touching(self, guess: OrbitSegment) -> OrbitSegment | None:
-        """The canard near an orbit where the two manifolds touch, so that the problem is singular at it."""
+    def settled(self, guess: OrbitSegment) -> OrbitSegment | None:
+        """The canard near an orbit where `solve` ends in rounding, as where the two manifolds touch."""
         return self.solver.settled(guess.adapted(PRECISION, FEWEST, MOST), self.conditions)
 
-    def finer(self, orbit: OrbitSegment, *, touching: bool) -> OrbitSegment | None:
-        """The same canard with every element halved; `touching` as above."""
-        solve = self.solver.settled if touching else self.solver.solve
+    def finer(self, orbit: OrbitSegment, *, settles: bool) -> OrbitSegment | None:
+        """The same canard with every element halved, where Newton's method `settles` or in rounding."""
+        solve = self.solver.solve if settles else self.solver.settled
         return solve(orbit.halved(), self.conditions)
 
 

@@ -123,8 +123,8 @@ def follow_canard(canard: Canard, *, epsilon: tuple[float, float], max_points: i
     follower = _Follower(canard_in(canard, units, frame), (low, high), max_points)
     down, up = follower.trace(-1), follower.trace(1)
     (lower, below, folds_below, first), (upper, above, folds_above, last) = down, up
-    orbits = tuple(orbit_in(orbit, 1.0 / units) for orbit in (*lower[:0:-1], *upper))
-    points = np.array([*below[:0:-1], *above]) * units
+    orbits = tuple(orbit_in(orbit, units.back) for orbit in (*lower[:0:-1], *upper))
+    points = units.back.of(np.array([*below[:0:-1], *above]))
     return CanardFamily(
         system=canard.frame.system,
         name=canard.name,

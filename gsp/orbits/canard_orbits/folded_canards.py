@@ -41,6 +41,9 @@ State = Mapping[str, float] | Mapping[sp.Symbol, float]
 WEAK_DISTANCE, WEAK_REACH = 1e-5, 2.0
 # Ends of curves beyond the weak canard, and of those that leave without having come to it.
 BEYOND, AWAY = {SheetEnd.PASSED, SheetEnd.TURNED}, {SheetEnd.WINDOW, SheetEnd.LINE}
+# Curves that touch at a crossing are seen to make angles up to 0.017 there, at mu = 1/2, 1/3, ..., 1/10, and others one
+# of 0.06 at mu = 0.249.
+TOUCHING = 0.03
 # Elements of all Newton steps for the crossings, at most; 31 crossings at 28 canards take 120 000.
 WORK = 500_000
 
@@ -229,7 +232,7 @@ def folded_canards(
             f"{error} Take a smaller {frame.system.epsilon}, or another line nearer to the fold, on the same sheet."
         ) from None
     finder = _Finder(frame, plane, builders, sheets)
-    back = 1.0 / frame.units
+    back = frame.units.back
     return CanardOrbits(
         system=model.system,
         singularity=singularity,
@@ -268,6 +271,8 @@ class _Finder:
         self.columns = [builders[0].other, 2]
         # How many crossings were left because rounding hides their turns; what the search met.
         self.unresolved, self.touching, self.exhausted = 0, False, False
+        # Whether Newton's method met rounding before it met its own tolerance at the weak canard.
+        self.unsettled = False
 
     def find(self) -> list[Canard]:
         """The canards, from the strong one inwards."""
@@ -316,9 +321,9 @@ class _Finder:
     ) -> tuple[tuple[OrbitSegment, OrbitSegment], _SolvedCanard | None]:
         """The weak canard up to the section and beyond: the innermost crossing, or the sheets' innermost orbits."""
         passed = any(sheet.inner in BEYOND for sheet in self.sheets)
-        weak = self._touching(solved, innermost) if passed and innermost is not None else None
+        weak = self._unsettled(solved, innermost) if passed and innermost is not None else None
         if weak is not None:
-            self.touching = True
+            self._take_unsettled(innermost)
             return split(weak.orbit, weak.share), weak
         inner = []
         for builder, sheet in zip(self.builders, self.sheets):
@@ -334,7 +339,7 @@ class _Finder:
         if len(solved) == 1 and self._is_strong(last):
             return axis, None
         if not passed and not self._is_along(last, axis):
-            return axis, self._between_ends(axis)
+            return axis, self._between_ends(axis, innermost)
         return split(last.orbit, last.share), last
 
     def _is_along(self, solved: _SolvedCanard, axis: tuple[OrbitSegment, OrbitSegment]) -> bool:
@@ -342,17 +347,32 @@ class _Finder:
         off = deviation(solved.orbit, solved.share, axis, self.section, WEAK_REACH * self.frame.unit)
         return off <= WEAK_DISTANCE * self.frame.width
 
-    def _between_ends(self, axis: tuple[OrbitSegment, OrbitSegment]) -> _SolvedCanard | None:
+    def _between_ends(
+        self, axis: tuple[OrbitSegment, OrbitSegment], innermost: SectionCrossing | None
+    ) -> _SolvedCanard | None:
         """The weak canard where both curves stand still at it before they cross there."""
         place = np.mean([sheet.ends[0] for sheet in self.sheets], axis=0)
         at_ends = SectionCrossing(place, (0, 0.0), (0, 0.0))
         guess = guess_at(at_ends, *self.sheets)
-        for touching, solve in ((False, self.solver.solve), (True, self.solver.touching)):
+        for solve in (self.solver.solve, self.solver.settled):
             found = self._solved(at_ends, solve(guess))
             if found is not None and self._is_along(found, axis):
-                self.touching = touching
+                if solve == self.solver.settled:
+                    self._take_unsettled(innermost)
                 return found
         return None
+
+    def _take_unsettled(self, innermost: SectionCrossing | None) -> None:
+        """Newton's method does not settle at a canard: because the curves touch there, or for rounding alone."""
+        self.unsettled = True
+        self.touching = innermost is not None and self._angle(innermost) <= TOUCHING
+
+    def _angle(self, crossing: SectionCrossing) -> float:
+        """The angle at which the curves cross, in local units."""
+        places = (crossing.attracting, crossing.repelling)
+        ways = [sheet.interpolated(*place)[1] / self.scale for sheet, place in zip(self.sheets, places)]
+        first, second = (way / np.linalg.norm(way) for way in ways)
+        return float(np.arcsin(min(1.0, abs(first[0] * second[1] - first[1] * second[0]))))
 
     def _is_innermost(self, solved: _SolvedCanard) -> bool:
         """Whether a canard is where the curves would cross next to their inner ends, and no secondary one before.
@@ -393,16 +413,15 @@ class _Finder:
         slope = float(np.polyfit(states[near, index], states[near, 2], 1)[0])
         return abs(slope - strong) < abs(slope - weak)
 
-    def _touching(self, solved: list[_SolvedCanard], innermost: SectionCrossing) -> _SolvedCanard | None:
-        """The canard of the innermost crossing when Newton's method found none there: the curves touch."""
+    def _unsettled(self, solved: list[_SolvedCanard], innermost: SectionCrossing) -> _SolvedCanard | None:
+        """The canard of the innermost crossing when Newton's method found none there."""
         if solved and self._is_at(solved[-1], innermost):
             return None
-        return self._solved(innermost, self.solver.touching(guess_at(innermost, *self.sheets)))
+        return self._solved(innermost, self.solver.settled(guess_at(innermost, *self.sheets)))
 
     def _canard(self, solved: _SolvedCanard, kind: CanardKind, index: int | None, turns: int | None) -> Canard:
         orbit = solved.orbit
-        touching = kind is CanardKind.WEAK and self.touching
-        finer = self.solver.finer(orbit, touching=touching)
+        finer = self.solver.finer(orbit, settles=not (kind is CanardKind.WEAK and self.unsettled))
         again = None if finer is None else section_crossing(finer, self.section, solved.share)
         error = np.inf if again is None else self._apart(again[1], solved.state)
         gap = (solved.state[self.columns] - solved.crossing.place) / self.scale

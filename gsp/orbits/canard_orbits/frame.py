@@ -20,7 +20,6 @@ from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity
 from gsp.systems.flow import values_by_name
-from gsp.systems.region import in_units
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # How a singular canard leaves the folded node, in units of the local scale.
@@ -44,13 +43,30 @@ class Plane:
     value: float
 
 
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Units of states: (z - `centre`)/`sizes`, both (n,)."""
+
+    centre: np.ndarray
+    sizes: np.ndarray
+
+    def of(self, z: np.ndarray | float) -> np.ndarray:
+        """States (..., n) in these units."""
+        return (z - self.centre) / self.sizes
+
+    @property
+    def back(self) -> Units:
+        """The units of the states that these are of, in these."""
+        return Units(-self.centre / self.sizes, 1.0 / self.sizes)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class FoldedNodeFrame:
     """A folded node with negative eigenvalues, numerically.
 
     - `point` (3,), the two slow states before the fast one; `strong` and `weak` (3,) point to the attracting side,
       as long as `unit` in the slow plane; `rates` are their eigenvalues;
-    - `sizes` (3,) are how far the states move in the time |T|^(-1/2), the fast one by |T|^(1/2)/|g_yy|; `units` (3,)
+    - `sizes` (3,) are how far the states move in the time |T|^(-1/2), the fast one by |T|^(1/2)/|g_yy|; `units`
       those of the model's states in which the system here is written;
     - `width` is the local scale of the fast variable, (epsilon |T|)^(1/2)/|g_yy|, with T of
       `singularities.desingularised`, `depth` that of g, epsilon |T|/|g_yy|, and `unit` of the slow variables
@@ -66,7 +82,7 @@ class FoldedNodeFrame:
     weak: np.ndarray
     rates: tuple[float, float]
     sizes: np.ndarray
-    units: np.ndarray
+    units: Units
     width: float
     depth: float
     unit: float
@@ -117,10 +133,8 @@ class FoldedNodeFrame:
         return trajectory_of(self.desingularised, start, (0.0, end), rtol=rtol, atol=atol, options=options)
 
 
-def frame_at(
-    singularity: FoldedSingularity, *, epsilon: float, units: np.ndarray | None = None
-) -> FoldedNodeFrame:
-    """The frame of a folded node, with its states in `units` (3,) where they are given.
+def frame_at(singularity: FoldedSingularity, *, epsilon: float, units: Units | None = None) -> FoldedNodeFrame:
+    """The frame of a folded node, with its states in `units` where they are given, about the system's centre.
 
     Raises `FoldedError` where there is no folded node whose canards cross from the attracting to the repelling
     sheet, or not two slow variables.
@@ -134,9 +148,9 @@ def frame_at(
         )
     _check_kind(singularity)
     if units is None:
-        units = np.ones(3)
+        units = Units(np.zeros(3), np.ones(3))
     else:
-        singularity = singularity_in(singularity, units)
+        singularity = singularity_in(singularity, units.sizes)
         system = singularity.system
     flow = desingularise(system)
     x, y = system.x, system.y[0]
@@ -188,11 +202,14 @@ def frame_at(
 
 
 def singularity_in(singularity: FoldedSingularity, units: np.ndarray) -> FoldedSingularity:
-    """The singularity of the system with its states in `units` (3,); eigenvalues know of none."""
+    """The singularity of the system about its centre, its states in `units` (3,); eigenvalues know of none."""
     system = singularity.system
-    place = {s: singularity.point[s.name] for s in system.states}
-    point = {s.name: value for s, value in in_units(place, dict(zip(system.states, units))).items()}
-    return replace(singularity, system=system.moved_into(units), point=MappingProxyType(point))
+    # Values have no states in them, though SymPy writes roots of polynomials in an x.
+    point = {
+        s.name: (singularity.point[s.name] - system.centres.get(s, 0)) / sp.Rational(unit)
+        for s, unit in zip(system.states, units.tolist())
+    }
+    return replace(singularity, system=system.about_centres.moved_into(units), point=MappingProxyType(point))
 
 
 def section_of(

@@ -57,7 +57,9 @@ class SheetLine:
     def in_words(self) -> str:
         """The line for messages."""
         frame, index = self.frame, self.plane.index
-        return f"the line {frame.system.states[index].name} = {self.plane.value * frame.units[index]:.6g}"
+        return (
+            f"the line {frame.system.states[index].name} = {frame.units.back.of(self.plane.value)[index]:.6g}"
+        )
 
     def _default(self, decay: float) -> Plane:
         times = np.linspace(0.0, self.strong.t[-1], LOOKS)

@@ -15,6 +15,7 @@ from gsp.results.card import Card
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import Outcome, PassedLoss
 from gsp.singular.passage.slow_orbit import ResolvedPanel, crossing, interpolate
+from gsp.systems.arguments import check_number
 from gsp.systems.flow import check_epsilon, in_words
 
 # ln of what rounding adds to a deviation, relative to the fast variables, and of the least positive double.
@@ -81,7 +82,8 @@ class DelayedExit(Card):
     def time_of_rise(self, amount: float) -> float | None:
         """The slow time when Phi has risen by `amount` since the loss; None when it was not computed so far."""
         after = self.loss.t
-        return self._first_time(self._phi_at(after) + amount, after)
+        rise = check_number(amount, what="amount", be="a rise of Phi")
+        return self._first_time(self._phi_at(after) + rise, after)
 
     @property
     def _rise(self) -> float:

@@ -24,13 +24,14 @@ from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
+from gsp.roots import root
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import PassedLoss, check_touching, passed_loss
 from gsp.singular.passage.slow_orbit import RESOLVED, ResolvedPanel, SlowOrbit, crossing, interpolate
 from gsp.systems.arguments import check_noun, check_number
 from gsp.systems.flow import Point, as_points
-from gsp.systems.region import Interval, check_region
+from gsp.systems.region import Interval, check_region, shown_region
 
 # Takeovers nearer than this share of the slow time are one: where two eigenvalues meet they are known to the root of
 # rounding.
@@ -47,9 +48,9 @@ def entry_exit(
     """Where an orbit that comes to `branch` over the slow variables `start` leaves it after a loss of stability.
 
     The reduced orbit is followed through the losses for at most `longest` in slow time, or `PATIENCE` times that in
-    which it gets somewhere, and while it stays in `region` (states by name). An implicit branch needs its sheet fixed.
-    Any number of slow and of fast variables; several fast modes are taken to be coupled, as they are by eigenvectors
-    that turn, so that the rightmost eigenvalue counts.
+    which it or its rightmost eigenvalue gets somewhere, and while it stays in `region` (states by name). An implicit
+    branch needs its sheet fixed. Any number of slow and of fast variables; several fast modes are taken to be
+    coupled, as they are by eigenvectors that turn, so that the rightmost eigenvalue counts.
 
     Raises `PassageError` where the branch does not attract at the start, where it ends (a fold), where an eigenvalue of
     fast variables that the others do not move takes over, and on a branch that is not invariant where an eigenvalue
@@ -72,6 +73,12 @@ def entry_exit(
         longest = check_number(longest, what="longest", be="a positive slow time", above=0.0)
     box = None if region is None else check_region(region, [s.name for s in system.states])
     orbit = SlowOrbit(branch, array[0], box)
+    if orbit.margin(orbit.state) < 0.0:
+        raise DeclarationError(
+            f"the start, {orbit.shown(orbit.state)}, lies outside the region.",
+            "Enlarge the region, or start in it.",
+            got=shown_region(box or {}),
+        )
     values = orbit.eigenvalues(orbit.state[None, :])[0]
     if values[0].real >= 0.0:
         raise PassageError(
@@ -79,15 +86,14 @@ def entry_exit(
             f"{np.array2string(values, precision=4)}.",
             "Start where all real parts are negative.",
         )
-    # How long an orbit is followed, as a multiple of the slow time in which it gets somewhere.
-    return _Passage(orbit, box, 100.0 * orbit.time if longest is None else longest).result()
+    return _Passage(orbit, orbit.patience if longest is None else longest).result()
 
 
 class _Passage:
     """The march along one orbit: pieces, losses and levels so far."""
 
-    def __init__(self, orbit: SlowOrbit, box: Mapping[str, Interval] | None, longest: float) -> None:
-        self.orbit, self.box, self.longest = orbit, box, longest
+    def __init__(self, orbit: SlowOrbit, longest: float) -> None:
+        self.orbit, self.longest = orbit, longest
         self.start = orbit.state.copy()
         self.pieces: list[ResolvedPanel] = []
         self.ends: list[float] = []
@@ -101,22 +107,27 @@ class _Passage:
         self.beside: list[tuple[int, float, float]] = []
 
     def result(self) -> DelayedExit:
-        status = Status.TOO_MANY_STEPS
         while self.orbit.end < self.longest:
             panel = self.orbit.advance()
             self.invariant = self.invariant and is_invariant(self.orbit, panel.z)
             for piece in self.orbit.pieces(panel):
                 found = self._piece(piece)
-                if found is not None and self._outside(self.orbit.at(found)):
-                    return self._finish(found, ExitKind.NONE, Status.REGION_LEFT)
-                if found is not None:
+                if found is not None and self.orbit.margin(self.orbit.at(found)) < 0.0:
+                    return self._finish(self._leaving(panel.t[0], found), ExitKind.NONE, Status.REGION_LEFT)
+                if found is not None and found <= self.longest:
                     self._check_beside(found)
                     self._look_ahead(found)
                     return self._finish(found, self.kind, Status.SUCCESS)
-            if self._outside(panel.z[-1]):
-                status = Status.REGION_LEFT
-                break
-        return self._finish(self.orbit.end, ExitKind.NONE, status)
+            if self.orbit.margin(panel.z[-1]) < 0.0:
+                left = self._leaving(panel.t[0], panel.t[-1])
+                if left <= self.longest:
+                    return self._finish(left, ExitKind.NONE, Status.REGION_LEFT)
+        return self._finish(self.longest, ExitKind.NONE, Status.TOO_MANY_STEPS)
+
+    def _leaving(self, inside: float, outside: float) -> float:
+        """The time at which the orbit leaves the region between two."""
+        found = root(lambda t: self.orbit.margin(self.orbit.at(t)), float(inside), float(outside))
+        return float(outside) if found is None else found
 
     def _look_ahead(self, t: float) -> None:
         """Phi beyond the exit: as far again as the loss is behind, or to the buffer point, for charts."""
@@ -131,7 +142,7 @@ class _Passage:
                     self.pieces.append(piece)
                     self.ends.append(self.phi)
                     self.phi += float(piece.primitive[-1])
-                if self._outside(panel.z[-1]):
+                if self.orbit.margin(panel.z[-1]) < 0.0:
                     break
         except PassageError:
             # The branch may end here: what was asked for has been found.
@@ -258,25 +269,16 @@ class _Passage:
             self.level = here + loss.limit
             self.kind = ExitKind.AT_LOSS if loss.limit == 0.0 else ExitKind.BUFFER
 
-    def _outside(self, z: np.ndarray) -> bool:
-        names = [s.name for s in self.orbit.branch.system.states]
-        return self.box is not None and any(
-            not low <= z[names.index(name)] <= high for name, (low, high) in self.box.items()
-        )
-
     def _finish(self, t: float, kind: ExitKind, status: Status) -> DelayedExit:
         orbit = self.orbit
-        names = [s.name for s in orbit.branch.system.states]
         small = 1e-14 * (orbit.units + np.abs(self.start))
         phi = [before + piece.primitive for piece, before in zip(self.pieces, self.ends)]
         return DelayedExit(
-            branch=orbit.branch,
-            start=MappingProxyType(dict(zip(names, map(float, self.start)))),
+            branch=orbit.asked,
+            start=MappingProxyType(orbit.named(self.start)),
             kind=kind,
             t=t,
-            point=MappingProxyType(
-                dict(zip(names, (0.0 if abs(v) < s else float(v) for v, s in zip(orbit.at(t), small))))
-            ),
+            point=MappingProxyType(orbit.named(orbit.at(t), small)),
             losses=tuple(self.losses),
             invariant=self.invariant,
             depth=self.depth,

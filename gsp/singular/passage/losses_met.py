@@ -110,11 +110,9 @@ def first_zero(value: float) -> float | None:
 def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool, which: int = 0) -> PassedLoss:
     """The loss at time `t`, where the real part `which`, counted from the right, rises through 0 at `crossing`."""
     z = orbit.at(t)
-    system = orbit.branch.system
     path = np.vstack([panel.z for panel in orbit.panels])
     sizes = orbit.units + np.abs(path).max(axis=0)
-    rounding = 1e-14 * sizes
-    point = {s.name: 0.0 if abs(v) < r else float(v) for s, v, r in zip(system.states, z, rounding)}
+    point = orbit.named(z, 1e-14 * sizes)
     values = orbit.eigenvalues(z[None, :])[0]
     beside = sizes_beside(eigenvalue_sizes(orbit.eigenvalues(path)), values)
     leading = complex(values[which])
@@ -190,8 +188,7 @@ def check_touching(orbit: SlowOrbit, t: float) -> None:
 
 def _near(orbit: SlowOrbit, z: np.ndarray, sizes: np.ndarray) -> dict[str, float]:
     """A place that is known to a root of rounding, by name."""
-    states = orbit.branch.system.states
-    return {s.name: float(np.round(v / size, 3) * size) + 0.0 for s, v, size in zip(states, z, sizes)}
+    return orbit.named(np.round(z / sizes, 3) * sizes + 0.0)
 
 
 def _undecided(why: str) -> PassageError:

@@ -15,13 +15,14 @@ from numpy.polynomial.chebyshev import chebroots
 
 from gsp.algebra.differentiation import entries, jacobian
 from gsp.critical.branch import Branch
-from gsp.critical.sampling import Sampler
+from gsp.critical.sampling import EDGE, Sampler
 from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, coefficients, tail
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import RunOptions, trajectory_of
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
+from gsp.splitting.fast_part import inverse
 from gsp.systems.flow import in_words
 from gsp.systems.region import Interval, in_units
 from gsp.systems.system import VectorField
@@ -31,6 +32,8 @@ from gsp.systems.system import VectorField
 RESOLVED = 2e-14
 # The first panel in units of (1 + |x|)/|f|, x in units, or of the time in which the rightmost eigenvalue changes.
 FIRST = 0.05
+# As long as an orbit is followed, in units of the larger of the two.
+PATIENCE = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,15 +71,25 @@ def time_to_move(x: np.ndarray, rates: np.ndarray, unit: np.ndarray) -> float:
 class SlowOrbit:
     """The reduced orbit through x (n_slow,) on `branch`, forward in slow time from 0, panel after panel.
 
-    Lengths are in the states' `units` (n,): the branch's own, or those of the start and of `box`. `equations` E vanish
-    on the branch, and are regular where it is a graph; the `sampler` has f, g and their derivatives at epsilon = 0.
+    States, `branch` and `box` are about the system's `centre` (n,), where numbers keep their digits; the branch that
+    was `asked` for is not. Lengths are in the states' `units` (n,): the branch's own, or those of the start and of
+    `box`. `equations` E vanish on the branch, and are regular where it is a graph; the `sampler` has f, g and their
+    derivatives at epsilon = 0. An orbit is followed for the slow time `patience` unless told otherwise.
     """
 
     def __init__(self, branch: Branch, x: np.ndarray, box: Mapping[str, Interval] | None = None) -> None:
+        z = np.concatenate([x, branch.points(x[None, :])[0]])
+        self.centre = branch.system.centre
+        self.asked = branch.in_own_units(z, box)
+        branch = branch.about_centres
         system = branch.system
-        y = branch.points(x[None, :])[0]
-        self.end, self.state = 0.0, np.concatenate([x, y])
-        self.branch = branch = branch.in_own_units(self.state, box)
+        far = {s.name: c for s, c in zip(system.states, self.centre)}
+        self.box = box and {name: (low - far[name], high - far[name]) for name, (low, high) in box.items()}
+        self.end, self.state = 0.0, z - self.centre
+        m = len(x)
+        if self.centre.any():
+            self.state[m:] = _on(branch, self.state[None, :m], self.state[None, m:])
+        self.branch = branch = branch.in_own_units(self.state, self.box)
         self.units = np.concatenate(branch.scales)
         self.sampler = sampler = Sampler(branch)
         graph = branch.graph
@@ -85,7 +98,10 @@ class SlowOrbit:
         self.panels: list[Panel] = []
         unit = branch.scales[0]
         # A slow time in which the orbit gets somewhere, and the largest eigenvalue so far.
-        self.time, self.rate = time_to_move(x, sampler.rates(self.state[None, :])[0, : len(x)], unit), 0.0
+        self.time, self.rate = (
+            time_to_move(self.state[:m], sampler.rates(self.state[None, :])[0, :m], unit),
+            0.0,
+        )
         if not np.isfinite(self.time):
             raise PassageError(
                 f"the reduced flow stands still at the start, {self.shown(self.state)}.",
@@ -96,10 +112,14 @@ class SlowOrbit:
             rates = {s: f.xreplace(dict(graph)) for s, f in zip(system.x, sampler.f)}
         else:
             E_x, E_y = (jacobian(self.equations, symbols) for symbols in (system.x, system.y))
-            moved = E_y.LUsolve(E_x * sp.Matrix(sampler.f))
+            # By cofactors, as a pivot may be 0 where the determinant is not.
+            moved = inverse(E_y) * E_x * sp.Matrix(sampler.f)
             rates = {**dict(zip(system.x, sampler.f)), **{y: -m for y, m in zip(system.y, moved)}}
         self._flow = _in_units(VectorField(rates, epsilon=None, parameters=fixed), self.units)
-        self._length = FIRST * min(self.time, self._time_to_change())
+        change = self._time_to_change()
+        self._length = FIRST * min(self.time, change)
+        # From a start next to 0 an orbit gets as far again in no time, and its eigenvalues hardly change.
+        self.patience = PATIENCE * (max(self.time, change) if np.isfinite(change) else self.time)
         # Panels this much shorter than the first one run into the end of the branch.
         self._least = 1e-5 * self._length
 
@@ -111,11 +131,27 @@ class SlowOrbit:
         if first == 0.0:
             return float("inf")
         later = np.real(self.eigenvalues((self.state + step * self.velocity(self.state))[None, :])[0, 0])
-        return step * abs(first / (later - first)) if later != first else float("inf")
+        return float(step * abs(first / (later - first))) if later != first else float("inf")
 
     def shown(self, z: np.ndarray) -> str:
-        """A point by name."""
-        return in_words(zip(self.branch.system.states, z), 8)
+        """A point by name, where it is."""
+        return in_words(self.named(z), 8)
+
+    def named(self, z: np.ndarray, rounding: np.ndarray | float = 0.0) -> dict[str, float]:
+        """A point by name, where it is; numbers below their `rounding` (n,) are 0."""
+        there = z + self.centre
+        told = np.where(np.abs(there) < rounding, 0.0, there)
+        return {s.name: float(v) for s, v in zip(self.branch.system.states, told)}
+
+    def margin(self, z: np.ndarray) -> float:
+        """How far a point (n,) is within the box, by its nearest bound: negative outside, infinite without a box."""
+        place = {s.name: float(v) for s, v in zip(self.branch.system.states, z)}
+        # To rounding, as the samples of a branch are.
+        sides = (
+            min(place[name] - low, high - place[name]) + EDGE * (high - low)
+            for name, (low, high) in (self.box or {}).items()
+        )
+        return min(sides, default=float("inf"))
 
     def advance(self) -> Panel:
         """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""
@@ -134,7 +170,7 @@ class SlowOrbit:
                     return panel
             self._length *= 0.5
         raise PassageError(
-            f"the reduced orbit on the branch {self.branch} ends near {self.shown(self.state)}, slow time "
+            f"the reduced orbit on the branch {self.asked} ends near {self.shown(self.state)}, slow time "
             f"{self.end:.6g}: the branch folds there or the field is singular.",
             "At a fold use fold_passage.",
         )
@@ -157,13 +193,13 @@ class SlowOrbit:
         along = units * run.y.T
         x = along[:, :m]
         try:
-            if self.branch.graph is not None:
-                y = self.branch.graph_values(x)
-            else:
-                y = self.branch.points(x, near=along[:, m:])
-                if (np.abs(y - along[:, m:]) > 1e-9 * (units[m:] + np.abs(y).max(axis=0))).any():
-                    return None
+            y = _on(self.branch, x, along[:, m:])
         except BranchError:
+            return None
+        if (
+            self.branch.graph is None
+            and (np.abs(y - along[:, m:]) > 1e-9 * (units[m:] + np.abs(y).max(axis=0))).any()
+        ):
             return None
         z = np.hstack([x, y.reshape(len(x), len(system.y))])
         return z if np.isfinite(z).all() else None
@@ -184,7 +220,7 @@ class SlowOrbit:
             raise PassageError(
                 "the branch folds where the orbit loses stability, as at a canard point, and what follows is not told.",
                 "Start beyond the point, or ask `gsp.folded_singularities` or `gsp.canard_value` about it.",
-                got=f"{dict(zip((s.name for s in self.branch.system.states), map(float, z)))}",
+                got=f"{self.named(z)}",
             ) from None
         return np.concatenate([f, -slope])
 
@@ -235,6 +271,11 @@ class SlowOrbit:
             return [ResolvedPanel(t, values, leading, half * (S @ values), not resolved)]
         middle = first + half
         return self._resolve(panel, first, middle, depth - 1) + self._resolve(panel, middle, last, depth - 1)
+
+
+def _on(branch: Branch, x: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """The points (k, n_fast) of the branch over `x`, of an implicit one those next to `near`."""
+    return branch.points(x, near=near) if branch.graph is None else branch.graph_values(x)
 
 
 def _in_units(flow: VectorField, units: np.ndarray) -> VectorField:

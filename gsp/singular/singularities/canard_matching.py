@@ -29,6 +29,8 @@ from gsp.systems.flow import check_epsilon
 
 # Steps of the secant method at most.
 SECANT_LIMIT = 30
+# Taylor steps of one orbit at most.
+STEP_LIMIT = 20000
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +54,8 @@ def match_canard(
     """The parameter where the attracting and the repelling slow manifold meet in the section through the fold.
 
     `reach` gives how far from the fold the orbits start in the fast variable, on the attracting and on the repelling
-    branch: inside the branches, short of their next fold or equilibrium. Raises `CanardError` when an orbit does not
-    arrive at the section.
+    branch: inside the branches, short of their next fold or equilibrium. Raises `CanardError` where a branch ends
+    before, and when an orbit does not arrive at the section.
 
     >>> from gsp import SlowFastSystem
     >>> from gsp.singular.singularities.canard_value import canard_value
@@ -76,10 +78,10 @@ def match_canard(
     check_whole(digits, what="digits", least=5, most=300)
     small = exact(epsilon)
     with precision(int(digits * 3.33) + 40):
-        shooting = _Shooting(canard, small, digits, size=min(map(float, reach)))
+        shooting = _Shooting(canard, small, digits, reach)
+        decays = shooting.contractions(reach)
         ends = shooting.starts(reach)
         guess = arb(sp.Rational(str(sp.N(canard.partial_sum(small, order=min(2, canard.order)), digits))))
-        decays = shooting.contractions(reach)
         unit = shooting.units[canard.field.a]
         spread = (arb(small) / min(decays, key=_middle)) ** 2 * unit / 16
         closest = max(abs(guess), unit, key=_middle) * arb(sp.Rational(1, 10**digits))
@@ -108,12 +110,15 @@ def match_canard(
 class _Shooting:
     """Orbits of one planar field at one epsilon, with the parameter as an argument.
 
-    `units` are those in which the fold and the parameter have coefficients of 1 where y is of a `size`.
+    `units` are those in which the fold and the parameter have coefficients of 1 where y is as far as the shorter
+    `reach`.
     """
 
-    def __init__(self, canard: CanardValue, epsilon: sp.Rational, digits: int, *, size: float) -> None:
+    def __init__(
+        self, canard: CanardValue, epsilon: sp.Rational, digits: int, reach: tuple[float, float]
+    ) -> None:
         field = canard.field
-        self.field = field
+        self.field, self.epsilon = field, epsilon
         self.digits = digits
         self.steps = 0
         self.ring = TaylorRing(Balls(), 1)
@@ -131,7 +136,7 @@ class _Shooting:
         g_x, g_yy, f_y, d = (
             arb(sp.Rational(str(sp.N(canard.genericity[k], 15)))) for k in ("g_x", "g_yy", "f_y", "d")
         )
-        length = flint.arb(size)
+        length, self.farthest = flint.arb(min(map(float, reach))), 1e6 * max(map(float, reach))
         self.units = {x: abs(g_yy / g_x) * length**2, y: length, a: abs(f_y / d) * length}
         self.critical = _Critical(field, self.ring, self.units[x])
         self.fold = {s: arb(sp.Rational(str(sp.N(canard.point[s.name], digits + 10)))) for s in (x, y, a)}
@@ -162,8 +167,7 @@ class _Shooting:
         state = {x: start[x], y: start[y]}
         target = self.fold[y]
         side = state[y] > target
-        # Steps of one orbit at most.
-        for _ in range(20000):
+        for _ in range(STEP_LIMIT):
             series = self._series(state, a)
             # Where the last two terms fall to the tolerance; they are of about equal size there.
             sizes = [
@@ -186,8 +190,15 @@ class _Shooting:
                     t = (t - (midpoint_sum(series[y], t) - target) / rate).mid()
                 return midpoint_sum(series[x], t)
             state = ahead
-            if not abs(state[y] - target) < 1e6 * self.units[y]:
+            if not abs(state[y] - target) < self.farthest:
                 break
+        else:
+            raise CanardError(
+                f"an orbit from {y} = {float(start[y].mid()):.6g} takes more than {STEP_LIMIT} Taylor steps to the "
+                f"fold, {y} = {float(target.mid()):.6g}, at {self.field.epsilon} = {float(self.epsilon):g}.",
+                f"Shorten a long reach, or raise {self.field.epsilon}: the series of `value` is the better the "
+                "smaller that is.",
+            )
         raise CanardError(
             f"an orbit from {x} = {float(start[x].mid()):.6g}, {y} = {float(start[y].mid()):.6g} does not "
             f"arrive at the fold, {y} = {float(target.mid()):.6g}.",
@@ -245,11 +256,27 @@ class _Critical:
         return points
 
     def contraction(self, fold: Mapping[sp.Symbol, Any], reach: float) -> Any:
-        """|integral of g_y X_0'/f dy| by the trapezium rule, X_0' = -g_y/g_x; the integrand is 0 at the fold."""
+        """|integral of g_y X_0'/f dy| by the trapezium rule, X_0' = -g_y/g_x; the integrand is 0 at the fold.
+
+        Raises `CanardError` where g_y or f vanishes on the way.
+        """
         total = flint.arb(0)
         points = self.point(fold, reach)
+        y, before = self.field.y, None
         for place, point in enumerate(points[1:], start=1):
             _, g_x, g_y, f = self.values(point)
+            signs = [float(v.mid()) > 0.0 for v in (g_y, f)]
+            before = before or signs
+            if g_y == 0 or f == 0 or signs != before:
+                what = "equilibrium" if signs[0] == before[0] and g_y != 0 else "fold"
+                raise CanardError(
+                    f"the orbit from {y} = {float((fold[y] + reach).mid()):.6g} does not begin on the branch at the "
+                    f"fold {y} = {float(fold[y].mid()):.6g}: that has its next {what} before {y} = "
+                    f"{float(point[y].mid()):.6g}.",
+                    "Start nearer to the fold (reach).",
+                    got=f"a reach of {abs(reach):g}",
+                    value=abs(reach),
+                )
             total = total + g_y * g_y / (g_x * f) * (0.5 if place == self.rungs else 1)
         return abs(total * flint.arb(reach) / self.rungs)
 

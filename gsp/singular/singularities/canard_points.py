@@ -133,7 +133,8 @@ def _candidates(
     known_values = target or {}
     axes = [[known_values[s.name]] if s.name in known_values else STARTS for s in (x, y, a)]
     levels = {float(declared), known_values.get(a.name, float(declared))}
-    folds = [start for level in sorted(levels) for start in fold_starts(g0, x, y, a, level)]
+    beside = known_values.get(y.name)
+    folds = [start for level in sorted(levels) for start in fold_starts(g0, x, y, a, level, beside)]
     places = [*folds, [known_values.get(s.name, 0.0) for s in (x, y, a)]]
     units = _units((g0, f0), (x, y, a), places)
     starts: list[Sequence[float]] = [

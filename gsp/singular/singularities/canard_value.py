@@ -59,8 +59,12 @@ class CanardValue(Card):
     located: Located
 
     def partial_sum(self, epsilon: float | sp.Rational, *, order: int | None = None) -> sp.Expr:
-        """sum_(k <= order) a_k epsilon^k with the coefficients at hand; exact for an exact epsilon."""
+        """sum_(k <= order) a_k epsilon^k with the coefficients at hand; exact for an exact epsilon.
+
+        Raises `DeclarationError` for an order beyond them.
+        """
         check_epsilon(epsilon)
+        check_whole(self.order if order is None else order, what="order", most=self.order)
         terms = self.coefficients if order is None else self.coefficients[: order + 1]
         return sp.Add(*[c * exact(epsilon) ** k for k, c in enumerate(terms)])
 

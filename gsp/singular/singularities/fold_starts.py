@@ -16,12 +16,15 @@ from gsp.singular.singularities.located_points import with_slopes
 
 
 def fold_starts(
-    g: sp.Expr, x: sp.Symbol, y: sp.Symbol, a: sp.Symbol, declared: float
+    g: sp.Expr, x: sp.Symbol, y: sp.Symbol, a: sp.Symbol, declared: float, beside: float | None = None
 ) -> Iterator[tuple[float, float, float]]:
-    """(x, y, a) next to folds {g = g_y = 0} at a = `declared`, x slow and y fast: those met over many decades of y."""
+    """(x, y, a) next to folds {g = g_y = 0} at a = `declared`, x slow and y fast: those met over many decades of y.
+
+    And where y is `beside`, if that is given and g is affine in x.
+    """
     here = g.xreplace({a: sp.Rational(declared)})
     slope = derivative(here, x)
-    found = _in_plane(here, x, y) if slope.has(x) or slope == 0 else _along(here, slope, x, y)
+    found = _in_plane(here, x, y) if slope.has(x) or slope == 0 else _along(here, slope, x, y, beside)
     return ((u, v, declared) for u, v in found)
 
 
@@ -31,10 +34,14 @@ def _sizes(a_decade: int, decades: int) -> np.ndarray:
     return np.concatenate([-sizes[::-1], [0.0], sizes])
 
 
-def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
-    """Folds of x = X(y), where g is affine in x: sign changes of g_y on it."""
+def _along(
+    g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol, beside: float | None
+) -> Iterator[tuple[float, float]]:
+    """Folds of x = X(y), where g is affine in x: sign changes of g_y on it, and its point over `beside`."""
     graph = -g.xreplace({x: sp.Integer(0)}) / slope
     function = compile_function([graph, derivative(g, y).xreplace({x: graph})], arguments=[y])
+    if beside is not None and np.isfinite(u := function(np.array([[beside]]), [0.0])[0, 0]):
+        yield float(u), beside
     rows = _sizes(64, 12)
     values = function(rows[:, None], [0.0])[:, 1]
     changed = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
