@@ -759,3 +759,24 @@ def test_terms_that_pass_through_zero_far_from_any_loss_are_looked_at_once(monke
         )
         assert found.status is Status.SUCCESS
     assert not searched
+
+
+@pytest.mark.parametrize("by", [0, 10_000_000])
+def test_a_start_far_from_the_origin_is_not_on_a_loss(by: int) -> None:
+    """What relative changes of y make of g_y = -1 - 3 Y^2 is 6 Y, and not 6 Y (Y + 10^7)/Y."""
+    X, Y = x - by, y - by
+    system = SlowFastSystem(slow={x: -X}, fast={y: X - Y - Y**3}, epsilon=eps)
+    (branch,) = gsp.solve_critical(system).branches
+    flow = gsp.restrict(gsp.expand(branch.through({x: 2 + by, y: 1 + by}), order=0))
+    run = integrate(flow, start={x: 2 + by}, span=(0.0, 1.0), epsilon=0.1, rtol=1e-9)
+    assert run.status.ok
+    assert run[x][-1] - by == pytest.approx(2 * np.exp(-1.0), abs=1e-6 + 1e-8 * by)
+
+
+def test_a_start_on_a_fold_far_from_the_origin_is_refused() -> None:
+    by = 10_000_000
+    X, Y = x - by, y - by
+    system = SlowFastSystem(slow={x: -1 - X**2}, fast={y: X - Y**2}, epsilon=eps)
+    branch = gsp.solve_critical(system).nearest({x: 1 + by, y: 1 + by})
+    with pytest.raises(HyperbolicityError):
+        integrate(gsp.restrict(gsp.expand(branch, order=0)), start={x: by}, span=(0.0, 1.0), epsilon=0.1)

@@ -93,14 +93,14 @@ class FastBlocks:
             terms.append(times(others, others, trace))
         return plus(terms)
 
-    def rounding(self, states: Sequence[sp.Symbol]) -> sp.Expr:
-        """What relative changes of z = `states` make of D: sum |dD/dJ_ij| |dJ_ij/dz_k z_k|."""
+    def rounding(self, lengths: Sequence[sp.Expr]) -> sp.Expr:
+        """What changes of the states by their `lengths` l make of D: sum |dD/dJ_ij| |dJ_ij/dz_k l_k|."""
         moved = []
         for others, adjugate, block in zip(self._others, self._adjugates, self.members):
             for a, i in enumerate(block):
                 for b, j in enumerate(block):
                     for k, slope in self._second.get((i, j), {}).items():
-                        moved.append(size(times(others, adjugate[b][a], slope, states[k])))
+                        moved.append(size(times(others, adjugate[b][a], slope, lengths[k])))
         return plus(moved)
 
     def pair_size(self) -> sp.Expr:

@@ -90,9 +90,9 @@ class SparseFastPart:
         del relative
         return sp.S.One, size(self._drift)
 
-    def rounding(self, states: Sequence[sp.Symbol]) -> sp.Expr:
+    def rounding(self, lengths: Sequence[sp.Symbol]) -> sp.Expr:
         """What a relative change of all of z makes of D, and D itself: its entries are rounded too."""
-        del states
+        del lengths
         return plus([size(self._moved), size(self._D)])
 
     def pair_size(self) -> sp.Expr:

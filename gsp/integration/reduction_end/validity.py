@@ -29,12 +29,13 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.algebra.sharing import largest, plus, times
+from gsp.algebra.sharing import largest, plus, size, times
 from gsp.algebra.switching_functions import on_side, switches
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical import spectrum
 from gsp.integration.reduction_end.fast_blocks import FastBlocks
 from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
+from gsp.kernels.scan import ON_LOSS
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.kernel_call import Call
@@ -87,7 +88,7 @@ class Validity(Portable):
         self._driven, self._driven_rates = flow.driven, flow.driven_rates
         system = flow.manifold.branch.system
         self.slow, self.fast = system.x, system.y
-        self.states = system.states
+        self.states, self._centres = system.states, system.centres
         values = dict(system.parameters)
         zero = sp.Integer(0)
 
@@ -155,7 +156,7 @@ class Validity(Portable):
 
     @cached_property
     def tests(self) -> CompiledFunction:
-        """Delta, H and Q; what relative changes of (x, y) make of Delta; H's size; the borders; the surfaces.
+        """Delta, H and Q; what relative changes of (x, y), about the centres, make of Delta; H's size; the borders; the surfaces.
 
         At (x, y) and the terms' fall.
         """
@@ -165,8 +166,18 @@ class Validity(Portable):
     def _outputs(self) -> list[sp.Expr]:
         parts = self._parts
         q = self._series_test(relative=False)
-        rounding, pair_size = parts.rounding(self.states), parts.pair_size()
+        rounding, pair_size = parts.rounding(self._lengths), parts.pair_size()
         return [parts.determinant, parts.hurwitz, q, rounding, pair_size, *self.borders, *self.surfaces]
+
+    @property
+    def _lengths(self) -> list[sp.Expr]:
+        """How large the states are: |z|, but about the system's centres, with what the rounding there is of that."""
+        rounded = float(np.finfo(float).eps) / ON_LOSS
+        centres = self._centres
+        return [
+            plus([size(s - centres[s]), sp.Float(abs(centres[s]) * rounded)]) if s in centres else s
+            for s in self.states
+        ]
 
     def _series_test(self, *, relative: bool) -> sp.Expr:
         """Q, or with `relative` Q by |Delta|^3; at orders above 1 what the fall of the terms says, if that is more."""
