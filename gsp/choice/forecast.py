@@ -158,8 +158,8 @@ def _start(study: Study, inner: InnerExpansion, epsilon: float, order: int) -> d
     try:
         y = branch.points(np.array([list(x.values())]))[0]
     except BranchError as error:
-        begun = ", ".join(f"{s.name} = {study.start[s.name]:.6g}" for s in system.x)
-        led = ", ".join(f"{name} = {value:.6g}" for name, value in x.items())
+        begun = system.place({s: study.start[s.name] for s in system.x})
+        led = system.place(x)
         raise BranchError(
             f"Through order {order} the initial layer carries {begun} to {led}, where {error.fact}",
             "Start nearer to the branch, or take a smaller epsilon.",

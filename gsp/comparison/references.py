@@ -48,7 +48,7 @@ def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
         error = SAFETY * float(segments.error.max() * y_units.max())
         along = _Route("orbit segments", segments.y * y_units, error)
         worst = int(np.argmax(segments.error))
-        place = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(branch.system.x, x[worst]))
+        place = branch.system.place(zip(branch.system.x, x[worst]))
         why = f"orbit segments fail at {place}: {segments.status[worst].meaning}"
     settled = pointwise.status is Status.SUCCESS
     principle = _Route(

@@ -30,7 +30,7 @@ from gsp.kernels.sheets import reach_sheet, reach_sheets
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
 from gsp.results.tex import tex
-from gsp.systems.flow import Point, Portable, as_points, in_words
+from gsp.systems.flow import Point, Portable, as_points
 from gsp.systems.region import Interval, check_region, in_units, powers_of_two, state_sizes
 from gsp.systems.system import SlowFastSystem
 
@@ -264,9 +264,8 @@ class Branch(Portable, Card):
         # Even the root of a pole is that large where so little of the way is left.
         if np.abs(y[0]).max() > LEAST_SHARE**-0.5:
             return f"{begun} goes to infinity at {end} and has no point"
-        return (
-            f"{begun} ends at {end}, {in_words(zip(self.system.y, own.y_out(y[0])))} (a fold?) and has no point"
-        )
+        last = self.system.place(zip(self.system.y, own.y_out(y[0])))
+        return f"{begun} ends at {end}, {last} (a fold?) and has no point"
 
     @property
     def _continuation(self) -> SheetContinuation:
@@ -323,7 +322,7 @@ class Branch(Portable, Card):
         return self._own.roots_within(point, bounds)
 
     def _shown(self, point: np.ndarray) -> str:
-        return in_words(zip(self.system.x, point))
+        return self.system.place(zip(self.system.x, point))
 
     def _require(self, good: np.ndarray, x: np.ndarray, fact: str) -> None:
         if not good.all():

@@ -27,7 +27,7 @@ from gsp.results.card import Card
 from gsp.splitting.splitting import split
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import exact
-from gsp.systems.flow import Point, in_words
+from gsp.systems.flow import Point
 from gsp.systems.region import check_region
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -122,7 +122,7 @@ class CriticalManifold(Card):
             return branch
 
     def _told(self, x: np.ndarray, y: np.ndarray) -> str:
-        return in_words(zip(self.system.states, (*x, *y)))
+        return self.system.place(zip(self.system.states, (*x, *y)))
 
     def _refuse_far_branch(self, x: np.ndarray, y: np.ndarray, distance: float) -> None:
         """Raise `BranchError` when a piece that is no graph over x passes nearer to the point than every branch."""

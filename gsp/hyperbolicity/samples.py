@@ -129,7 +129,7 @@ def _nothing_inside(branch: Branch, box: Mapping[str, Interval]) -> BranchError:
             "Move the region, or take another branch.",
         )
     values = (*branch.seed[0], *branch.seed[1])
-    through = in_words(zip(branch.system.states, values))
+    through = branch.system.place(zip(branch.system.states, values))
     return BranchError(
         f"the sheet of the branch {branch} through {through}, to which the run from the start belongs, has no point in "
         f"the region {shown_region(box)}.",

@@ -228,7 +228,7 @@ def _require_attracting(branch: Branch, start: Point) -> None:
     values = np.linalg.eigvals(Sampler(branch).fast_jacobian(point[None, :])[0])
     # At a fold one of them is zero to rounding only, of either sign; `integrate` names that start.
     if values.real.max() > ZERO * np.abs(values).max(initial=1.0):
-        at = in_words(zip(branch.system.states, point))
+        at = branch.system.place(zip(branch.system.states, point))
         raise HyperbolicityError(
             f"the sheet under the start does not attract: at {at} the fast eigenvalues are "
             f"{np.array2string(values, precision=4)}.",

@@ -11,7 +11,7 @@ from gsp.errors import HyperbolicityError
 
 def without_value(branch: Branch, x: np.ndarray, terms: np.ndarray) -> HyperbolicityError:
     """Why a term is not finite over x (n,), where they are `terms` (k, n_fast)."""
-    place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(branch.system.x, x))
+    place = branch.system.place(zip(branch.system.x, x))
     g_y = Sampler(branch).fast_jacobian(np.concatenate([x, terms[0]])[None, :])[0]
     if np.isfinite(g_y).all() and np.linalg.matrix_rank(g_y) == len(g_y):
         order = int(np.argmin(np.isfinite(terms).all(axis=1)))

@@ -303,7 +303,7 @@ class SeriesManifold(Card):
         system = self.branch.system
         array, _ = as_points(system.x, x, what="x")
         i = int(np.argmax(np.where(beyond, np.nan_to_num(estimates[:, -1], nan=np.inf), -1.0)))
-        place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, array[i]))
+        place = system.place(zip(system.x, array[i]))
         many = f", and at {beyond.sum() - 1} more of {len(beyond)} points" if beyond.sum() > 1 else ""
         order, last = int(best(estimates[i : i + 1])[0]), estimates.shape[1] - 1
         why = (

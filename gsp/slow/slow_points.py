@@ -78,7 +78,7 @@ class SlowPoints(Card, Tabular):
         return text
 
     def _place(self, x: np.ndarray) -> str:
-        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.branch.system.x, x))
+        return self.branch.system.place(zip(self.branch.system.x, x))
 
     def __repr__(self) -> str:
         return f"SlowPoints({self.message})"

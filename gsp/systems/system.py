@@ -165,10 +165,11 @@ class SlowFastSystem(_Declared, Card):
         found.setflags(write=False)
         return found
 
-    def place(self, point: Mapping[Any, float]) -> str:
+    def place(self, point: Mapping[Any, float] | Iterable[tuple[Any, float]]) -> str:
         """Values by name, or by symbol, as text, to six digits of how far each is from its centre."""
         centre = {s.name: float(c) for s, c in self.centres.items()}
-        named = {str(getattr(key, "name", key)): float(value) for key, value in point.items()}
+        pairs = point.items() if isinstance(point, Mapping) else point
+        named = {str(getattr(key, "name", key)): float(value) for key, value in pairs}
         ends = {name: sorted((centre.get(name, 0.0), value)) for name, value in named.items()}
         return in_words(named, more={name: digits_between((low, high)) for name, (low, high) in ends.items()})
 

@@ -778,5 +778,5 @@ def test_a_start_on_a_fold_far_from_the_origin_is_refused() -> None:
     X, Y = x - by, y - by
     system = SlowFastSystem(slow={x: -1 - X**2}, fast={y: X - Y**2}, epsilon=eps)
     branch = gsp.solve_critical(system).nearest({x: 1 + by, y: 1 + by})
-    with pytest.raises(HyperbolicityError):
+    with pytest.raises(HyperbolicityError, match="x = 10000000, y = 10000000"):
         integrate(gsp.restrict(gsp.expand(branch, order=0)), start={x: by}, span=(0.0, 1.0), epsilon=0.1)

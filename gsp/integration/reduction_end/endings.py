@@ -70,6 +70,7 @@ class Ending:
         self.stepper = stepper
         self.span = span
         self.stops = np.array(span[1:]) if stops is None else stops
+        self._system = flow.manifold.branch.system
         self.validity = validity_of(flow)
         row = self.validity.tests(self.validity.lift(y, stepper.p), stepper.p)
         self._refuse_underflow(y, row)
@@ -227,7 +228,7 @@ class Ending:
             return Status.FOLD_REACHED, self._fold_note(loss), ""
         if loss.kind is LossKind.BRANCH_POLE:
             coordinates = loss.state[: len(self.flow.manifold.coordinates)]
-            place = listed(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, coordinates))
+            place = self._system.place(zip(self.flow.states, coordinates))
             return Status.NON_FINITE, f"the critical manifold goes to infinity at {place}", ""
         if loss.kind is LossKind.BRANCH_POINT:
             note = (
@@ -395,12 +396,12 @@ class Ending:
         z = self.validity.point(y, self.stepper.p)
         if np.isfinite(z).all():
             return self._point(z)
-        return listed(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))
+        return self._system.place(zip(self.flow.states, y))
 
     def _point(self, z: np.ndarray) -> str:
         # What the tolerance cannot tell from 0 is 0.
         rounded = np.where(np.abs(z) <= self.stepper.atol, 0.0, z)
-        return listed(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
+        return self._system.place(zip(self.validity.states, rounded))
 
     def _zero_note(self, y: np.ndarray) -> str:
         return f"an eigenvalue of the fast Jacobian reaches zero at {self._shown(y)}"

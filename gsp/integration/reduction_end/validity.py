@@ -156,7 +156,8 @@ class Validity(Portable):
 
     @cached_property
     def tests(self) -> CompiledFunction:
-        """Delta, H and Q; what relative changes of (x, y), about the centres, make of Delta; H's size; the borders; the surfaces.
+        """Delta, H and Q; what relative changes of (x, y), about the centres, make of Delta; H's size; the borders; the
+        surfaces.
 
         At (x, y) and the terms' fall.
         """
