@@ -170,8 +170,13 @@ class SlowFastSystem(_Declared, Card):
         centre = {s.name: float(c) for s, c in self.centres.items()}
         pairs = point.items() if isinstance(point, Mapping) else point
         named = {str(getattr(key, "name", key)): float(value) for key, value in pairs}
-        ends = {name: sorted((centre.get(name, 0.0), value)) for name, value in named.items()}
-        return in_words(named, more={name: digits_between((low, high)) for name, (low, high) in ends.items()})
+        more = {}
+        for name, value in named.items():
+            c = centre.get(name, 0.0)
+            # The centre itself, and what is beside it by six digits.
+            whole = next((d for d in range(6, 17) if float(f"{c:.{d}g}") == c), 17)
+            more[name] = max(whole, digits_between((min(c, value), max(c, value))))
+        return in_words(named, more=more)
 
     @cached_property
     def about_centres(self) -> SlowFastSystem:
