@@ -9,7 +9,7 @@ eigenvalues there that are not 0 for structural reasons decide how orbits cross.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
 
@@ -151,6 +151,15 @@ def folded_singularities(
             f"{len(flow.x) - 2}; they are not isolated.",
             "Classify single ones with folded_singularity(system, near=...) of "
             "gsp.singular.singularities.folded_singularities.",
+        )
+    if centres := {s.name: c for s, c in system.centres.items()}:
+        own = {
+            name: (low - float(centres.get(name, 0)), high - float(centres.get(name, 0)))
+            for name, (low, high) in box.items()
+        }
+        return tuple(
+            replace(found, system=system, point={n: v + centres.get(n, 0) for n, v in found.point.items()})
+            for found in folded_singularities(system.about_centres, region=own)
         )
     sides = [box.get(name, (0.0, 1.0)) for name in names]
     units = np.array([high - low for low, high in sides])
