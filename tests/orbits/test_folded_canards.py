@@ -501,7 +501,7 @@ def test_a_sheet_ends_when_its_newton_steps_are_used_up(monkeypatch: pytest.Monk
 def test_crossings_are_looked_at_until_the_work_allowed_is_used_up(
     koper: gsp.CanardOrbits, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules["gsp.orbits.canard_orbits.folded_canards"], "WORK", 3000)
+    monkeypatch.setattr(sys.modules["gsp.orbits.canard_orbits.canard_finder"], "WORK", 3000)
     found = gsp.folded_canards(koper.singularity, epsilon=0.01)
     assert 1 <= len(found) < len(koper)
     assert found.exhausted

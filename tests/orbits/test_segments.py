@@ -12,8 +12,8 @@ import gsp
 from gsp.collocation.bordered import OrbitChange
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.canard_orbits.canard import deviation
+from gsp.orbits.canard_orbits.canard_finder import CanardFinder
 from gsp.orbits.canard_orbits.collocation import SCHEME, OrbitSegment
-from gsp.orbits.canard_orbits.folded_canards import _Finder
 from gsp.orbits.canard_orbits.frame import Plane
 from gsp.orbits.periodic import finding
 from gsp.orbits.periodic.collocation import OrbitProblem
@@ -127,7 +127,7 @@ def test_of_two_settled_orbits_the_stable_one_is_taken(
 
 
 def test_no_canard_is_at_a_crossing_that_there_is_not() -> None:
-    finder = _Finder.__new__(_Finder)
+    finder = CanardFinder.__new__(CanardFinder)
     finder.columns, finder.scale = [0, 1], np.ones(2)
     here, elsewhere = (SimpleNamespace(place=np.array([v, 0.0])) for v in (0.0, 1.0))
     solved = SimpleNamespace(crossing=here, state=np.zeros(3))
