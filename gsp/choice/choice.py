@@ -32,7 +32,7 @@ from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import Forecast, SurfaceForecast, forecast_of
 from gsp.choice.measured_errors import measured_where_untold
 from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure
-from gsp.choice.verdict import Evidence, Verdict, in_words, judge, seconds_shown, serving_of
+from gsp.choice.verdict import Evidence, Verdict, far_from_origin, in_words, judge, seconds_shown, serving_of
 from gsp.errors import NO_REASON, DeclarationError, GspError
 from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import Trajectory
@@ -213,6 +213,7 @@ def choose(
             fast_error=fast_error,
             layer_error=layer_error,
             fast_measured=fast_measured,
+            far=far_from_origin(forecast.study.system, names, forecast.study.region) if forecast else None,
         )
     )
     expected, measured = beside.errors(model, surface)

@@ -13,6 +13,7 @@ from gsp.choice.costs import Cost, cheapest, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
 from gsp.systems.region import Interval, digits_between, shown_within
+from gsp.systems.system import SlowFastSystem
 
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
@@ -60,6 +61,7 @@ class Evidence:
     `names` are the variables that the errors are of. `fast_error` is what the shown model's fast variables are
     predicted to be off by behind the layer, or measured on `fast_measured` where their series does not converge, and
     `layer_error` in it; not numbers where they count among `names`.
+    `far` is what `far_from_origin` says of the names.
     `obstacle` says why there are no reduced candidates, `ending` why the series ends where the error of one of them is
     not told; `place` is where in the slow variables the `partial` one ends.
     """
@@ -76,6 +78,7 @@ class Evidence:
     fast_error: float = float("nan")
     layer_error: float = float("nan")
     fast_measured: Interval | None = None
+    far: tuple[str, float] | None = None
 
 
 def judge(evidence: Evidence) -> Verdict:
@@ -151,7 +154,26 @@ def _off(shown: Candidate, evidence: Evidence) -> str:
     if np.isfinite(evidence.layer_error):
         text += f"; in the fast variables it is {_off_behind(evidence)}"
         text += f" and {_error(evidence.layer_error)} within the layer" if evidence.layer_error > 0.0 else ""
+    name, share = evidence.far or ("", 1.0)
+    if shown.predicted > share * evidence.scene.tolerance:
+        text += f". Errors are shares of how large a state is; of {name} it may be {_error(shown.predicted / share)}"
     return f"{text}."
+
+
+def far_from_origin(
+    system: SlowFastSystem, names: Sequence[str], region: Mapping[str, Interval]
+) -> tuple[str, float] | None:
+    """Which of the named states is furthest from the origin for what it does about the system's centre c, as "T - 300",
+    and how large that is, at most, as a share of T; None where none has a centre.
+    """
+    found = []
+    for symbol, c in system.centres.items():
+        low, high = region.get(symbol.name, (0.0, 0.0))
+        if symbol.name in names and low < high:
+            own, whole = (max(abs(low - a), abs(high - a)) for a in (float(c), 0.0))
+            found.append((own / whole, str(symbol - c)))
+    share, name = min(found, default=(1.0, ""))
+    return (name, share) if share < 1.0 else None
 
 
 def _off_behind(evidence: Evidence) -> str:
