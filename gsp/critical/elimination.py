@@ -316,10 +316,11 @@ def _is_zero_at_values(expression: sp.Expr, system: SlowFastSystem) -> bool:
 
 
 def _has_no_zero(equation: sp.Expr, system: SlowFastSystem) -> bool:
-    """Whether a polynomial visibly has no real zero: a sum of even powers of one sign, or by Sturm."""
+    """Whether there is visibly no real zero: of a sum of even powers of one sign, by Sturm, or as of cosh(x)."""
     polynomial = _polynomial(equation, system)
     if polynomial is None:
-        return False
+        real = {s: sp.Dummy(real=True) for s in system.states}
+        return bool(equation.subs(dict(system.parameters)).xreplace(real).is_nonzero)
     constant = polynomial.coeff_monomial(1)
     if constant != 0 and (_has_sign(polynomial, 1) or _has_sign(polynomial, -1)):
         return True

@@ -208,7 +208,10 @@ SIGNS = [
     (a * x**2 + 1, True, False),
     ((1 - a) * x**2 - 1, True, True),
     (sp.sin(x) + 3, False, False),
-    (1 / (1 + x**2), False, False),
+    (1 / (1 + x**2), True, False),
+    (sp.cosh(x / 8 + y), True, False),
+    (sp.exp(x) + a * sp.exp(y), True, False),
+    (sp.exp(x) - 1, False, False),
     (x + x**2 * y**2 + 9, False, False),
     (x**2 / 3 + R(1, 7), True, False),
     (-x, False, False),
@@ -292,3 +295,14 @@ def test_equations_of_a_branch_hold_where_the_field_has_an_equilibrium(rates: tu
     root = sp.nsolve([rate.xreplace(at) for rate in rates], (y1, y2, y3), (2, 1.5, 0.5), prec=30)
     place = {**at, **dict(zip((y1, y2, y3), root))}
     assert [abs(e.xreplace(place)) < 1e-25 for e in branch.equations] == [True] * 3
+
+
+def test_a_factor_without_real_zeros_makes_no_branch() -> None:
+    """Rates of gating variables are (n_infinity - n) cosh(...): M0 had a branch cosh(...) = 0."""
+    system = SlowFastSystem(
+        slow={x: -y},
+        fast={y: x - y - z**3, z: (1 / (1 + sp.exp(-y)) - z) * sp.cosh(y / 8 + 1)},
+        epsilon=sp.Symbol("epsilon"),
+    )
+    (branch,) = solve_critical(system).branches
+    assert not any(e.has(sp.cosh) for e in branch.equations)
