@@ -91,6 +91,13 @@ class Flow(Portable):
         """The same about its `centres`; itself where it has none."""
         return self
 
+    def from_centres(self, start: Point) -> Point:
+        """The start as it is counted from the `centres`."""
+        if not self.centres:
+            return start
+        counted = np.array(self.initial(start)) - self.centre
+        return {s.name: float(v) for s, v in zip(self.states, counted)}
+
     def place(self, point: Mapping[Any, float] | Iterable[tuple[Any, float]]) -> str:
         """Values by name, or by symbol, as text, to six digits of how far each is from its centre."""
         return in_words(point)

@@ -128,7 +128,7 @@ def _settled(
     steps = min(1500, max_steps)
     while True:
         run = trajectory_of(
-            flow.about_centres, start=_about_centres(flow, start), span=(0.0, -FOREVER if backward else FOREVER),
+            flow.about_centres, start=flow.from_centres(start), span=(0.0, -FOREVER if backward else FOREVER),
             epsilon=epsilon, rtol=RTOL, atol=atol,
             options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps),
         )  # fmt: skip
@@ -190,7 +190,7 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
 
     def found(atol: float) -> Trajectory:
         return trajectory_of(
-            flow.about_centres, start=_about_centres(flow, start), span=(0.0, period),
+            flow.about_centres, start=flow.from_centres(start), span=(0.0, period),
             epsilon=epsilon, rtol=RTOL, atol=atol,
             options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853),
         )  # fmt: skip
@@ -207,12 +207,6 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
             "the run from start does not last one period.", "Move the start or the period.", got=run.message
         )
     return Lap(run, 0.0, period)
-
-
-def _about_centres(flow: Flow, start: Point) -> Point:
-    if not flow.centres:
-        return start
-    return {s.name: float(v) for s, v in zip(flow.states, np.array(flow.initial(start)) - flow.centre)}
 
 
 def _crossed(run: Trajectory) -> sp.Symbol | None:
