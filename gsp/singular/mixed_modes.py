@@ -128,7 +128,15 @@ def mixed_mode(
     if is_large.all() and sizes.max(initial=0.0) >= APART * sizes.min(initial=np.inf):
         # They change their kind little by little, as those of a damped oscillation do, and none comes back.
         pattern, repeats = (), 0
-    return MixedMode(name, run.moved_to(flow), times, sizes, is_large, pattern, repeats)
+    return MixedMode(
+        name,
+        run.moved_to(flow, flow.centre, flow.place(flow.centres)),
+        times,
+        sizes,
+        is_large,
+        pattern,
+        repeats,
+    )
 
 
 def _large(sizes: np.ndarray) -> np.ndarray:
