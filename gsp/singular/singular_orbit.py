@@ -318,7 +318,7 @@ def _run(branch: Branch, point: Point, longest: float) -> Trajectory:
 def _longest(branch: Branch, point: Point) -> float:
     """How long a piece from `point` is followed, in slow time; one that stands still gets nowhere in any."""
     x, _ = place(branch.system, point)
-    moves = time_to_move(x, _slow_rates(branch, point), branch.scales[0])
+    moves = time_to_move(x - branch.system.centre[: len(x)], _slow_rates(branch, point), branch.scales[0])
     return PATIENCE * (moves if np.isfinite(moves) else 1.0)
 
 

@@ -253,3 +253,11 @@ def test_what_is_wrong_with_a_fold_far_from_the_origin_is_told_about_the_centres
         gsp.GspError, match=r"^about y = 1e\+06, x = 1e\+06: there is no fold at y = 0.5, x = 0"
     ):
         gsp.fold_passage(moved, {"y": 10**6 + 0.5, "x": 10**6})
+
+
+def test_an_orbit_comes_to_rest_far_from_the_origin_too() -> None:
+    # It was followed for 2e6 in slow time, until the steps ran out.
+    plain = scene("fitzhugh_nagumo")
+    moved = shifted(plain, {s.name: 1000 for s in plain.system.states})
+    found = gsp.singular_orbit(gsp.study(moved).branch, moved.start)
+    assert str(found.message).startswith("the slow flow comes to rest at w = 999.3757")
