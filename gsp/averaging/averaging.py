@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,12 +11,13 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.brevity import brief
+from gsp.algebra.centres import centres
 from gsp.algebra.laurent import misplaced_epsilon
 from gsp.algebra.sharing import size
 from gsp.averaging.near_identity import NearIdentity
 from gsp.averaging.phase_form import PhaseForm, phase_form
 from gsp.averaging.turning_rate import require_turning
-from gsp.errors import DeclarationError, GspError, SplittingError
+from gsp.errors import DeclarationError, GspError, SplittingError, met_at
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
@@ -285,7 +287,12 @@ def average(
                 f"{system.epsilon} stands in {wrong}, which is no pole or power of {system.epsilon}.",
                 f"Replace it by its Taylor polynomial in {system.epsilon}.",
             )
-    form = phase_form(system, turns, two)
+    known = centres(system.rates, system.states) if symbolic else system.centres
+    # A pair turns about its centre, and expanded about the origin a rate loses digits.
+    here = {z: c for z, c in known.items() if z != turns}
+    with met_at(f"about {system.place(here)}") if here else nullcontext():
+        own = phase_form(system.about(here), turns, two)
+    form, there = own.back_from(here)
     require_turning(form.omega, form.phase, region=bounds, parameters=system.parameters)
     if not form.rates:
         raise SplittingError(
@@ -294,13 +301,20 @@ def average(
         )
     assert system.epsilon is not None
     found = NearIdentity(
-        form,
+        own,
         epsilon=system.epsilon,
         constants=list(system.parameters) if symbolic else [],
         values={} if symbolic else system.parameters,
         order=order,
     )
-    return Averaging(system, form, order, found.averaged_field, found.frequency, found.transformation, scene)
+
+    def back(rows: Sequence[Values]) -> tuple[Values, ...]:
+        return tuple(read_only({s: e.xreplace(there) for s, e in row.items()}) for row in rows)
+
+    frequency = tuple(g.xreplace(there) for g in found.frequency)
+    return Averaging(
+        system, form, order, back(found.averaged_field), frequency, back(found.transformation), scene
+    )
 
 
 def _state(system: SlowFastSystem | VectorField, given: object, what: str) -> sp.Symbol:

@@ -33,6 +33,24 @@ class PhaseForm:
     coordinates: Values
     inverse: Values
 
+    def back_from(self, centres: Values) -> tuple[PhaseForm, Values]:
+        """The form of the field itself, where this is that about its `centres`, and what in it was each variable here.
+
+        A variable that is a state, or one less what it vibrates by, is counted from where that state is.
+        """
+        less = {z: z - c for z, c in centres.items()}
+        offsets = {x: c for x, e in self.coordinates.items() for z, c in centres.items() if sp.diff(e, z) == 1}
+        there = {x: x - c for x, c in offsets.items()}
+        form = PhaseForm(
+            self.phase,
+            read_only({x: e.xreplace(there) for x, e in self.rates.items()}),
+            self.turning.xreplace(there),
+            self.omega.xreplace(there),
+            read_only({x: e.xreplace(less) + offsets.get(x, 0) for x, e in self.coordinates.items()}),
+            read_only({z: e.xreplace(there) + centres.get(z, 0) for z, e in self.inverse.items()}),
+        )
+        return form, there
+
 
 def phase_form(flow: Flow, phase: sp.Symbol | None, pair: tuple[sp.Symbol, sp.Symbol] | None) -> PhaseForm:
     """The form of a flow that has a phase among its states, a pair that turns, or both.

@@ -187,6 +187,20 @@ class Trajectory(Drawn, Tabular):
         times = np.atleast_1d(check_array(t, what="t", be="a sequence of times")).copy(order="C")
         return Trajectory(self._outcome._replace(times=times, states=self.at(times).T))
 
+    def moved_to(self, flow: Flow, centre: np.ndarray, told: str) -> Trajectory:
+        """The same as a run of `flow`, where this is one of that about the `centre` (n,), which is `told` in words."""
+        outcome, record = self._outcome, self._record.apart()
+        events = {name: met._replace(states=met.states + centre[:, None]) for name, met in self.events.items()}
+        return Trajectory(
+            outcome._replace(
+                flow=flow,
+                record=record._replace(states=record.states + centre),
+                states=None if outcome.states is None else outcome.states + centre,
+                events=events,
+                note=outcome.note and f"{outcome.note}, counted from {told}",
+            )
+        )
+
     @cached_property
     def _observed(self) -> np.ndarray:
         """All observables over `t`, (m, k), read-only."""

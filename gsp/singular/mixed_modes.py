@@ -77,7 +77,8 @@ def mixed_mode(
 ) -> MixedMode:
     """Count large and small swings of the state `name` along a run of `flow`, after the share `settle` of the span.
 
-    Without `atol` it is a hundredth of `rtol` times the size of the smallest state at the start.
+    Without `atol` it is a hundredth of `rtol` times the size of the smallest state at the start. Sizes, and
+    errors with them, are counted from the system's centres.
 
     Raises `DeclarationError` for a name that is no state, a share outside [0, 1) or a span that does not ascend, and
     what `integrate` raises. A run that ends early is used as far as it went; its `status` says so.
@@ -102,16 +103,15 @@ def mixed_mode(
             got=f"span = {span!r}",
             value=span,
         )
-    rate = flow.rates[names.index(name)]
+    own, counted = flow.about_centres, flow.from_centres(start)
+    rate = own.rates[names.index(name)]
     if flow.epsilon is not None:
         # Its zeros are those of the rate; without a pole in epsilon they are located to the same share of its size.
         rate = sp.expand(rate * flow.epsilon)
     events = (Event(rate, direction=-1, name="maximum"), Event(rate, direction=+1, name="minimum"))
     if atol is None:
-        atol = absolute_tolerance(check_positive(rtol, what="rtol"), {}, values_by_name(start, what="start"))
-    run = trajectory_of(
-        flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, options=RunOptions(events=events)
-    )
+        atol = absolute_tolerance(check_positive(rtol, what="rtol"), {}, values_by_name(counted, what="start"))
+    run = trajectory_of(own, counted, span, epsilon, rtol, atol, options=RunOptions(events=events))
     column = names.index(name)
     (high_t, high), (low_t, low) = (
         (run.events[which].times, run.events[which].states[column]) for which in ("maximum", "minimum")
@@ -128,7 +128,15 @@ def mixed_mode(
     if is_large.all() and sizes.max(initial=0.0) >= APART * sizes.min(initial=np.inf):
         # They change their kind little by little, as those of a damped oscillation do, and none comes back.
         pattern, repeats = (), 0
-    return MixedMode(name, run, times, sizes, is_large, pattern, repeats)
+    return MixedMode(
+        name,
+        run.moved_to(flow, flow.centre, flow.place(flow.centres)),
+        times,
+        sizes,
+        is_large,
+        pattern,
+        repeats,
+    )
 
 
 def _large(sizes: np.ndarray) -> np.ndarray:

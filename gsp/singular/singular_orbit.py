@@ -27,6 +27,7 @@ from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import place
 from gsp.errors import NO_REASON, BranchError, DeclarationError, GspError, HyperbolicityError, Reason, Status
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
+from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
@@ -291,22 +292,33 @@ def _landed_on(branch: Branch, point: Point) -> Branch | None:
 
 def _run(branch: Branch, point: Point, longest: float) -> Trajectory:
     """The reduced flow of order 0 from a point on its sheet."""
-    x, _ = place(branch.system, point)
-    return trajectory_of(
-        restrict(expand(branch.through(point), order=0, symbolic=False)),
-        start=dict(zip((s.name for s in branch.system.x), x)),
+    system, sheet = branch.system, branch.through(point)
+    x, _ = place(system, point)
+
+    def flow(of: Branch) -> ReducedFlow:
+        return restrict(expand(of, order=0, symbolic=False))
+
+    run = trajectory_of(
+        flow(sheet.about_centres),
+        start={s.name: v - float(system.centres.get(s, 0)) for s, v in zip(system.x, x)},
         span=(0.0, longest),
         # Order 0 does not depend on epsilon; the value is asked for all the same.
         epsilon=1.0,
         rtol=RTOL,
         atol=ATOL * float(min(branch.units or (1.0,))),
     )
+    if not system.centres:
+        return run
+    # Near a fold what rounds x moves y by its root.
+    moved = flow(sheet)
+    centre = np.array([float(system.centres.get(s, 0)) for s in moved.manifold.coordinates])
+    return run.moved_to(moved, centre, system.place(system.centres))
 
 
 def _longest(branch: Branch, point: Point) -> float:
     """How long a piece from `point` is followed, in slow time; one that stands still gets nowhere in any."""
     x, _ = place(branch.system, point)
-    moves = time_to_move(x, _slow_rates(branch, point), branch.scales[0])
+    moves = time_to_move(x - branch.system.centre[: len(x)], _slow_rates(branch, point), branch.scales[0])
     return PATIENCE * (moves if np.isfinite(moves) else 1.0)
 
 

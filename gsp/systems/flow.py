@@ -78,6 +78,30 @@ class Flow(Portable):
     is_reduced: bool = False
     """Whether it lives on a slow manifold given as a series, and runs end where that does; see `endings`."""
 
+    centres: Mapping[sp.Symbol, sp.Rational] = {}
+    """Where the states that are far from their origin are, exact."""
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """The `centres` of the states (n,), 0 for those that have none."""
+        return frozen(np.array([float(self.centres.get(s, 0)) for s in self.states]))
+
+    @property
+    def about_centres(self) -> Flow:
+        """The same about its `centres`; itself where it has none."""
+        return self
+
+    def from_centres(self, start: Point) -> Point:
+        """The start as it is counted from the `centres`."""
+        if not self.centres:
+            return start
+        counted = np.array(self.initial(start)) - self.centre
+        return {s.name: float(v) for s, v in zip(self.states, counted)}
+
+    def place(self, point: Mapping[Any, float] | Iterable[tuple[Any, float]]) -> str:
+        """Values by name, or by symbol, as text, to six digits of how far each is from its centre."""
+        return in_words(point)
+
     @property
     def variables_shown(self) -> tuple[sp.Symbol, ...]:
         """The states or observables in which a run is described in words."""

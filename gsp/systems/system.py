@@ -36,7 +36,7 @@ class _Declared(Flow):
         """The same with other values for some parameters, given by name."""
         kind: Any = type(self)
         return kind(
-            **{argument: getattr(self, part) for argument, part in self._given.items()},
+            **self._equations,
             epsilon=self.epsilon,
             parameters=updated_parameters(self.parameters, values),
             name=self.name,
@@ -53,8 +53,55 @@ class _Declared(Flow):
             observables=self.observables,
         )
 
+    @cached_property
+    def centres(self) -> Mapping[sp.Symbol, sp.Rational]:
+        """Where the states that are far from their origin are, at the parameters' values: see `gsp.algebra.centres`."""
+        values = dict(self.parameters)
+        return centres(
+            tuple(e.xreplace(values) for of in self._equations.values() for e in of.values()), self.states
+        )
+
+    def place(self, point: Mapping[Any, float] | Iterable[tuple[Any, float]]) -> str:
+        """Values by name, or by symbol, as text, to six digits of how far each is from its centre."""
+        centre = {s.name: float(c) for s, c in self.centres.items()}
+        pairs = point.items() if isinstance(point, Mapping) else point
+        named = {str(getattr(key, "name", key)): float(value) for key, value in pairs}
+        more = {}
+        for name, value in named.items():
+            c = centre.get(name, 0.0)
+            # The centre itself, and what is beside it by six digits.
+            whole = next((d for d in range(6, 17) if float(f"{c:.{d}g}") == c), 17)
+            more[name] = max(whole, digits_between((min(c, value), max(c, value))))
+        return in_words(named, more=more)
+
+    @cached_property
+    def about_centres(self) -> Self:
+        """The same about its `centres`; itself where it has none."""
+        return self.about(self.centres)
+
+    def about(self, centres: Mapping[sp.Symbol, sp.Expr]) -> Self:
+        """The same with v + c for each state v that has one of the `centres` c, without observables then."""
+        if not centres:
+            return self
+        there = {s: s + c for s, c in centres.items()}
+        kind: Any = type(self)
+        return kind(
+            **{
+                argument: {s: e.xreplace(there) for s, e in of.items()}
+                for argument, of in self._equations.items()
+            },
+            epsilon=self.epsilon,
+            parameters=self.parameters,
+            name=self.name,
+        )
+
+    @property
+    def _equations(self) -> dict[str, Values]:
+        """The equations by what the class takes them by."""
+        return {argument: getattr(self, part) for argument, part in self._given.items()}
+
     def __repr__(self) -> str:
-        equations = [f"{argument}={_names(getattr(self, part))}" for argument, part in self._given.items()]
+        equations = [f"{argument}={_names(of)}" for argument, of in self._equations.items()]
         return (
             f"{type(self).__name__}({', '.join(equations)}, epsilon={self.epsilon}, "
             f"parameters={_listing(self.parameters)})"
@@ -62,7 +109,7 @@ class _Declared(Flow):
 
     @cached_property
     def _key(self) -> tuple:
-        equations = tuple(tuple(getattr(self, part).items()) for part in self._given.values())
+        equations = tuple(tuple(of.items()) for of in self._equations.values())
         values = tuple(self.parameters.items()), tuple(self.observables.items())
         return (equations, self.epsilon, *values, self.name)
 
@@ -150,47 +197,6 @@ class SlowFastSystem(_Declared, Card):
             epsilon=self.epsilon,
             parameters=self.parameters,
             name=self.name,
-        )
-
-    @cached_property
-    def centres(self) -> Mapping[sp.Symbol, sp.Rational]:
-        """Where the states that are far from their origin are, at the parameters' values: see `gsp.algebra.centres`."""
-        values = dict(self.parameters)
-        return centres(tuple(e.xreplace(values) for e in (*self.f, *self.g)), self.states)
-
-    @cached_property
-    def centre(self) -> np.ndarray:
-        """The `centres` of the states (n,), 0 for those that have none."""
-        found = np.array([float(self.centres.get(s, 0)) for s in self.states])
-        found.setflags(write=False)
-        return found
-
-    def place(self, point: Mapping[Any, float] | Iterable[tuple[Any, float]]) -> str:
-        """Values by name, or by symbol, as text, to six digits of how far each is from its centre."""
-        centre = {s.name: float(c) for s, c in self.centres.items()}
-        pairs = point.items() if isinstance(point, Mapping) else point
-        named = {str(getattr(key, "name", key)): float(value) for key, value in pairs}
-        more = {}
-        for name, value in named.items():
-            c = centre.get(name, 0.0)
-            # The centre itself, and what is beside it by six digits.
-            whole = next((d for d in range(6, 17) if float(f"{c:.{d}g}") == c), 17)
-            more[name] = max(whole, digits_between((min(c, value), max(c, value))))
-        return in_words(named, more=more)
-
-    @cached_property
-    def about_centres(self) -> SlowFastSystem:
-        """The system about its `centres`; itself where it has none."""
-        return self.about(self.centres)
-
-    def about(self, centres: Mapping[sp.Symbol, sp.Expr]) -> SlowFastSystem:
-        """The same with v + c for each state v that has one of the `centres` c, without observables then."""
-        if not centres:
-            return self
-        there = {s: s + c for s, c in centres.items()}
-        slow, fast = ({s: rate.xreplace(there) for s, rate in of.items()} for of in (self.slow, self.fast))
-        return SlowFastSystem(
-            slow=slow, fast=fast, epsilon=self.epsilon, parameters=self.parameters, name=self.name
         )
 
     @property

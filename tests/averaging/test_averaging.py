@@ -447,3 +447,40 @@ def test_the_command_takes_one_small_parameter(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli, ["average", str(tmp_path / "model.toml"), "--small", "g,h"])
     assert done.exit_code == 2
     assert "'g,h' is more than one name. Give one parameter." in done.output
+
+
+@pytest.mark.parametrize("far", [3, 1000, -(10**6)])
+def test_a_pair_turns_about_its_centre_wherever_that_is(far: int) -> None:
+    moved = VAN_DER_POL.about({u: sp.Integer(-far), v: sp.Integer(-far)})
+    here, there = (gsp.average(field, pair=("u", "v"), order=2) for field in (VAN_DER_POL, moved))
+    assert there.averaged_field == here.averaged_field
+    assert there.frequency == here.frequency
+    base = there.base_point({"u": far + 1, "v": far}, epsilon=0.02)
+    assert base == pytest.approx(here.base_point({"u": 1, "v": 0}, epsilon=0.02), rel=1e-9)
+    assert [there.form.inverse[z] - here.form.inverse[z] for z in (u, v)] == [far, far]
+
+
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_a_phase_averages_wherever_the_slow_variables_have_their_origin(far: int) -> None:
+    # omega = 1 + (x - 1000)^2 was said to come near 0.
+    moved = PULLED.about({x: sp.Integer(-far), y: sp.Integer(-far)})
+    here = gsp.average(PULLED, phase="theta", region={"x": (-3, 3)}, order=1)
+    there = gsp.average(moved, phase="theta", region={"x": (far - 3, far + 3)}, order=1)
+    back = {x: x + far, y: y + far}
+    for rows in (lambda found: found.averaged_field, lambda found: found.transformation):
+        for plain, row in zip(rows(here), rows(there), strict=True):
+            assert all(sp.simplify(e.xreplace(back) - plain[s]) == 0 for s, e in row.items())
+    vibrating = PENDULUM.about({q: sp.Integer(-far), p: sp.Integer(-far)})
+    (slow,) = set(gsp.average(vibrating, phase="theta", order=1).form.coordinates) - {q, theta}
+    assert gsp.average(vibrating, phase="theta", order=1).averaged_field[0][q] == slow - far
+
+
+def test_a_field_that_is_not_averaged_far_from_the_origin_is_named_about_its_centre() -> None:
+    damped = VAN_DER_POL.about({u: sp.Integer(-1000), v: sp.Integer(-1000)})
+    wrong = gsp.VectorField(
+        {**damped.equations, u: damped.equations[u] + (u - 1000) ** 2 / epsilon}, epsilon=epsilon
+    )
+    with pytest.raises(
+        SplittingError, match=r"^about u = 1000, v = 1000: u and v do not turn about one another"
+    ):
+        gsp.average(wrong, pair=("u", "v"))

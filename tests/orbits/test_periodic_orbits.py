@@ -18,6 +18,7 @@ from gsp.orbits.periodic.newton import scales_of, solve_cycle
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.orbits.periodic.settling import OrbitError
 from tests.cases import sampled
+from tests.rescaling import scene, shifted
 
 x, y, z, eps = sp.symbols("x y z epsilon")
 R = sp.Rational
@@ -495,7 +496,7 @@ def test_a_run_that_crosses_an_invariant_axis_says_so_and_its_remedy_finds_the_c
     prey = 1 - x - y / (sp.Rational(1, 4) + x)
     predator = y * (x / (sp.Rational(1, 4) + x) - sp.Rational(1, 3))
     plain = gsp.SlowFastSystem(slow={y: predator}, fast={x: x * prey}, epsilon=eps)
-    with pytest.raises(OrbitError, match=r"crosses x = 0, .*Take ln x for a state"):
+    with pytest.raises(OrbitError, match=r"crosses x = 0, .*Take ln\(x\) for a state"):
         gsp.periodic_orbit(plain, start={"x": 0.8, "y": 0.2}, epsilon=0.01)
     u = sp.Symbol("u")
     put_in = {x: sp.exp(u)}
@@ -541,3 +542,31 @@ def test_a_cycle_that_comes_close_to_an_axis_has_the_period_of_its_logarithms() 
     assert found.period == pytest.approx(second.period, rel=1e-10)
     # Between the places of the mesh, which are not the same.
     assert found.minimum["x"] == pytest.approx(math.exp(second.minimum["u"]), rel=1e-6)
+
+
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_an_orbit_does_not_depend_on_where_its_states_have_their_origin(far: int) -> None:
+    # It comes as near u = 0 as exp(-9): from -1e6 the run left for infinity.
+    plain = scene("rosenzweig_macarthur")
+    moved = shifted(plain, {"u": far, "v": far})
+    here, there = (
+        gsp.periodic_orbit(asked.system, start=asked.start, epsilon=asked.epsilon) for asked in (plain, moved)
+    )
+    assert there.period == pytest.approx(here.period, rel=1e-12)
+    assert there.multipliers == pytest.approx(here.multipliers, rel=1e-6, abs=1e-30)
+    assert there.amplitude == pytest.approx(here.amplitude, rel=1e-8)
+    assert there.maximum["u"] == pytest.approx(far + here.maximum["u"], rel=1e-12)
+    shot = gsp.shoot(there)
+    assert shot.status.ok
+    assert shot.period == pytest.approx(here.period, rel=1e-12)
+    assert shot.point == pytest.approx({s.name: v for s, v in zip(there.flow.states, there.at(0.0))}, rel=1e-12)
+    again = gsp.periodic_orbit(moved.system, start=there, epsilon=plain.epsilon)
+    assert again.period == pytest.approx(here.period, rel=1e-12)
+
+
+def test_messages_name_places_of_a_flow_far_from_the_origin() -> None:
+    at = x - 10**6 - R(1, 4)
+    resting = gsp.VectorField({x: y, y: -at - at**3 - y})
+    with pytest.raises(OrbitError, match=r"settles at the equilibrium x = 1000000\.25, y = 0\.") as caught:
+        gsp.periodic_orbit(resting, start={"x": 10**6 + 0.5, "y": 0})
+    assert "start x = 1000000.5, y = 0." in str(caught.value)

@@ -11,6 +11,7 @@ from gsp import charts
 from gsp.errors import DeclarationError
 from gsp.singular.mixed_modes import _large, _pattern, mixed_mode
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.rescaling import scene, shifted
 
 x, y, z, epsilon = sp.symbols("x y z epsilon")
 
@@ -135,3 +136,19 @@ def test_a_run_that_ended_early_says_so() -> None:
     found = mixed_mode(growing, "x", start={"x": 1, "y": 1}, span=(0, 30))
     assert not found.run.status.ok
     assert "the run ended early" in str(found)
+
+
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_swings_do_not_depend_on_where_states_have_their_origin(far: int) -> None:
+    # From -1e6 there were 723 swings without a pattern, of errors of integration.
+    plain = scene("koper")
+    moved = shifted(plain, {s.name: far for s in plain.system.states})
+    here, there = (
+        mixed_mode(asked.system, "x", start=asked.start, span=(0, 30), epsilon=asked.epsilon)
+        for asked in (plain, moved)
+    )
+    assert (there.signature, there.repeats) == (here.signature, here.repeats)
+    assert there.sizes == pytest.approx(here.sizes, rel=1e-5)
+    assert there.run["x"][-1] == pytest.approx(far + here.run["x"][-1], abs=1e-4)
+    tops = there.run.events["maximum"]
+    assert there.run.at(tops.times) == pytest.approx(tops.states, abs=1e-6)

@@ -14,6 +14,7 @@ from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.orbits.periodic.finding import periodic_orbit
 from gsp.singular.singular_orbit import singular_orbit
 from gsp.systems.system import SlowFastSystem
+from tests.rescaling import scene, shifted
 
 x, y, z, w, epsilon = sp.symbols("x y z w epsilon")
 CUBIC = y - x**3 / 3 + x
@@ -227,3 +228,36 @@ def test_an_orbit_ends_where_the_reduced_flow_has_no_branch() -> None:
     assert len(orbit.pieces) == 1
     assert not orbit.closes
     assert "no branch" in str(orbit.message)
+
+
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_a_singular_orbit_does_not_depend_on_where_states_have_their_origin(far: int) -> None:
+    # At 1000 T_1 was off by 4e-4; from -1e6 the drop from x = 0.002 landed nowhere.
+    plain = scene("oregonator")
+    moved = shifted(plain, {s.name: far for s in plain.system.states})
+    here, there = (gsp.singular_orbit(study.branch, study.start) for study in map(gsp.study, (plain, moved)))
+    assert there.closes
+    assert there.coefficients == pytest.approx(here.coefficients, rel=1e-5)
+    assert there.coefficients[0] == pytest.approx(here.coefficients[0], rel=1e-10)
+    for one, other in zip(here.cycle, there.cycle):
+        assert other.fold.point == pytest.approx(
+            {name: far + v for name, v in one.fold.point.items()}, rel=1e-12
+        )
+        assert other.run["x"][0] == pytest.approx(far + one.run["x"][0], abs=1e-6)
+
+
+def test_what_is_wrong_with_a_fold_far_from_the_origin_is_told_about_the_centres() -> None:
+    plain = scene("van_der_pol").system
+    moved = plain.about({s: sp.Integer(-(10**6)) for s in plain.states})
+    with pytest.raises(
+        gsp.GspError, match=r"^about y = 1e\+06, x = 1e\+06: there is no fold at y = 0.5, x = 0"
+    ):
+        gsp.fold_passage(moved, {"y": 10**6 + 0.5, "x": 10**6})
+
+
+def test_an_orbit_comes_to_rest_far_from_the_origin_too() -> None:
+    # It was followed for 2e6 in slow time, until the steps ran out.
+    plain = scene("fitzhugh_nagumo")
+    moved = shifted(plain, {s.name: 1000 for s in plain.system.states})
+    found = gsp.singular_orbit(gsp.study(moved).branch, moved.start)
+    assert str(found.message).startswith("the slow flow comes to rest at w = 999.3757")

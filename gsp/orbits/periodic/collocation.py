@@ -107,10 +107,14 @@ def driven(flow: Flow, states: list[int]) -> list[int]:
 
 
 class OrbitProblem:
-    """The equation of a cycle for one flow: F, its derivatives, and `free`, the parameter that may vary."""
+    """The equation of a cycle for one flow: F, its derivatives, and `free`, the parameter that may vary.
 
-    def __init__(self, flow: Flow, p: np.ndarray, free: sp.Symbol | None = None) -> None:
-        self.flow = flow
+    Its cycles are those of `flow`, which is the one that was `asked` about, about its centres.
+    """
+
+    def __init__(self, asked: Flow, p: np.ndarray, free: sp.Symbol | None = None) -> None:
+        self.asked = asked
+        self.flow = flow = asked.about_centres
         self.compiled = compile_flow(flow)
         self.p = p
         self.free = free

@@ -165,7 +165,7 @@ def _through(tracer: CycleTracer, orbit: PeriodicOrbit, name: str, direction: in
 
 def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
     """A small cycle at the Hopf point, and the family's direction there: growing."""
-    point = np.array(list(hopf.point.values()))
+    point = np.array(list(hopf.point.values())) - hopf.flow.centre
     # A first cycle at a Hopf point is at most so large a share of the equilibrium's size.
     size = 1e-2 * max(1.0, float(np.abs(point).max()))
     if hopf.l1 and hopf.crossing:

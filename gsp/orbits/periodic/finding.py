@@ -75,7 +75,8 @@ def periodic_orbit(
                 "Give a point, or an orbit of this flow at other parameters.",
                 got=f"one with the states {start.flow.states}, where these are {flow.states}",
             )
-        cycle = Cycle(start._cycle.mesh, start._cycle.values, start.period)
+        values = start._cycle.values + (start.flow.centre - flow.centre)
+        cycle = Cycle(start._cycle.mesh, values, start.period)
         refined = refine(problem, cycle, tolerance=tolerance, most=max_intervals, progress=progress)
         _check_isolated(problem, refined, isolation_of(problem, cycle))
         return assembled(problem, refined)
@@ -133,10 +134,10 @@ def _solved(
     _check_isolated(problem, best, nearest)
     cycle = best.solution.point
     if (cycle.amplitudes <= 1e-4 * size).all() and (problem.residual(cycle, size) < COLLAPSED):
-        states = zip(problem.flow.states, cycle.values.mean(axis=(0, 1)))
+        flow = problem.asked
+        place = flow.place(zip(flow.states, cycle.values.mean(axis=(0, 1)) + flow.centre))
         raise OrbitError(
-            "there is no cycle here: Newton's method ends at the equilibrium "
-            f"{', '.join(f'{s.name} = {v:.6g}' for s, v in states)}.",
+            f"there is no cycle here: Newton's method ends at the equilibrium {place}.",
             "The run from start closes by itself, as around a centre or a slow focus: there is no isolated "
             "orbit. Start elsewhere, or change a parameter.",
         )
@@ -227,7 +228,7 @@ def orbit_of(
         array.setflags(write=False)
     names = [symbol.name for symbol in problem.flow.parameters]
     return PeriodicOrbit(
-        flow=problem.flow,
+        flow=problem.asked,
         epsilon=None if problem.flow.epsilon is None else float(constants[0]),
         parameters=MappingProxyType(dict(zip(names, map(float, constants[1:])))),
         period=cycle.period,

@@ -59,6 +59,7 @@ class PeriodicOrbit(Drawn, Tabular):
     residual: float
     status: Status
     stats: OrbitStats
+    # About the centres of the flow.
     _cycle: Cycle = field(repr=False)
     _constants: np.ndarray = field(repr=False)
 
@@ -93,7 +94,7 @@ class PeriodicOrbit(Drawn, Tabular):
                 got=f"the shape {s.shape}",
                 value=s.shape,
             )
-        values = self._cycle.at(np.mod(np.atleast_1d(s), 1.0)).T
+        values = (self._cycle.at(np.mod(np.atleast_1d(s), 1.0)) + self.flow.centre).T
         return values if s.ndim else values[:, 0]
 
     def __getitem__(self, key: str | sp.Symbol) -> np.ndarray:
@@ -131,23 +132,32 @@ class PeriodicOrbit(Drawn, Tabular):
     @cached_property
     def minimum(self) -> Mapping[str, float]:
         """Least value of each state, of the polynomials themselves."""
-        return self._extremes(-1.0)
+        return self._about_origin(self._extremes[0])
 
     @cached_property
     def maximum(self) -> Mapping[str, float]:
         """Largest value of each state, of the polynomials themselves."""
-        return self._extremes(1.0)
+        return self._about_origin(self._extremes[1])
 
     @property
     def amplitude(self) -> Mapping[str, float]:
         """Largest minus least value of each state."""
-        return {name: self.maximum[name] - self.minimum[name] for name in self.maximum}
+        low, high = self._extremes
+        return {s.name: float(b - a) for s, a, b in zip(self.flow.states, low, high)}
 
-    def _extremes(self, sign: float) -> dict[str, float]:
-        cycle, result = self._cycle, {}
+    def _about_origin(self, values: np.ndarray) -> dict[str, float]:
+        return {s.name: float(v) for s, v in zip(self.flow.states, values + self.flow.centre)}
+
+    @cached_property
+    def _extremes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest values of the states (n,), about the centres."""
+        return self._most(-1.0), self._most(1.0)
+
+    def _most(self, sign: float) -> np.ndarray:
+        cycle, result = self._cycle, np.empty(len(self.flow.states))
         s = np.linspace(0.0, 1.0, 4 * cycle.scheme.degree + 1)
         sampled = np.einsum("ki,jin->jkn", cycle.scheme.basis(s), cycle.values)
-        for i, symbol in enumerate(self.flow.states):
+        for i in range(len(result)):
             values = sign * sampled[:, :, i]
             j = int(np.argmax(values.max(axis=1)))
             best = float(values[j].max())
@@ -159,7 +169,7 @@ class PeriodicOrbit(Drawn, Tabular):
                 real = roots[np.abs(roots.imag) < 1e-6].real
                 inside = real[(real >= 0.0) & (real <= 1.0)]
                 best = max(best, float(polynomial(inside).max(initial=-np.inf)))
-            result[symbol.name] = sign * best
+            result[i] = sign * best
         return result
 
     @property

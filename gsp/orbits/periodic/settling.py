@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import sympy as sp
 
 from gsp.collocation.gauss import gauss
 from gsp.errors import GspError, Status
@@ -19,7 +20,7 @@ from gsp.orbits.periodic.collocation import Cycle, OrbitProblem, with_axis
 from gsp.orbits.periodic.mesh import FEWEST, adapted
 from gsp.orbits.periodic.newton import scales_of
 from gsp.roots import roots
-from gsp.systems.flow import Flow, Point, in_words
+from gsp.systems.flow import Flow, Point
 
 # A lap is a guess when it closes within this share of its amplitude.
 CLOSES = 1e-3
@@ -127,19 +128,21 @@ def _settled(
     steps = min(1500, max_steps)
     while True:
         run = trajectory_of(
-            flow, start=start, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
-            atol=atol, options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps),
+            flow.about_centres, start=flow.from_centres(start), span=(0.0, -FOREVER if backward else FOREVER),
+            epsilon=epsilon, rtol=RTOL, atol=atol,
+            options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps),
         )  # fmt: skip
         # Below its tolerance a state is 0 as far as the run knows.
         ends = [0.0 if abs(v) <= atol else float(v) for v in run.at(run.t[-1])]
-        last = {symbol.name: v for symbol, v in zip(flow.states, ends)}
-        crossed = _crossed(run, flow)
+        last = flow.place(zip(flow.states, ends + flow.centre))
+        crossed = _crossed(run)
         if crossed is not None:
+            axis = flow.centres.get(crossed, sp.S.Zero)
             return OrbitError(
-                f"the run from start crosses {crossed} = 0, which no orbit does here: {crossed} falls below what "
-                f"the run holds, {atol:.0e}.",
-                f"Take ln {crossed} for a state in its place.",
-                got=f"start {in_words(start)}",
+                f"the run from start crosses {crossed} = {axis}, which no orbit does here: {crossed - axis} falls "
+                f"below what the run holds, {atol:.0e}.",
+                f"Take ln({crossed - axis}) for a state in its place.",
+                got=f"start {flow.place(start)}",
             ), run
         # A cycle is run around for ever: a run that gets through is on none.
         lap = None if run.status.ok else _closed_lap(run, closes, atol)
@@ -147,10 +150,10 @@ def _settled(
             return lap, run
         if _at_rest(run, atol):
             return OrbitError(
-                f"there is no cycle here: the run from start settles at the equilibrium {in_words(last)}.",
+                f"there is no cycle here: the run from start settles at the equilibrium {last}.",
                 "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this "
                 "equilibrium.",
-                got=f"start {in_words(start)}",
+                got=f"start {flow.place(start)}",
             ), run
         if run.status is not Status.TOO_MANY_STEPS:
             how = (
@@ -165,7 +168,7 @@ def _settled(
             return OrbitError(
                 f"{how}.",
                 f"Start elsewhere, or {other}.",
-                got=f"{in_words(last)} after {run.stats.steps} steps",
+                got=f"{last} after {run.stats.steps} steps",
             ), run
         if progress is not None:
             progress(steps / max_steps)
@@ -176,7 +179,7 @@ def _settled(
                 return lap, run
             return OrbitError(
                 f"the run from start has not come back to itself after {steps} steps.",
-                f"It is at {in_words(last)}. Raise max_steps, or give the period with a start near the cycle; "
+                f"It is at {last}. Raise max_steps, or give the period with a start near the cycle; "
                 "a torus never closes, and chaos seldom.",
             ), run
         steps = min(2 * steps, max_steps)
@@ -187,7 +190,8 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
 
     def found(atol: float) -> Trajectory:
         return trajectory_of(
-            flow, start=start, span=(0.0, period), epsilon=epsilon, rtol=RTOL, atol=atol,
+            flow.about_centres, start=flow.from_centres(start), span=(0.0, period),
+            epsilon=epsilon, rtol=RTOL, atol=atol,
             options=RunOptions(method=Method.RADAU13 if flow.is_stiff else Method.DOP853),
         )  # fmt: skip
 
@@ -205,14 +209,14 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
     return Lap(run, 0.0, period)
 
 
-def _crossed(run: Trajectory, flow: Flow) -> str | None:
+def _crossed(run: Trajectory) -> sp.Symbol | None:
     """The first state that changes its sign along the run though no orbit crosses its axis; None where none does."""
-    found: dict[int, str] = {}
-    for symbol, has_axis, values in zip(flow.states, with_axis(flow), run.y):
+    found: dict[int, sp.Symbol] = {}
+    for symbol, has_axis, values in zip(run.flow.states, with_axis(run.flow), run.y):
         # Of its size until then: what has crossed runs away from its axis.
         beyond = -np.sign(values[0]) * values > RTOL * np.maximum.accumulate(np.abs(values))
         if beyond.any() and has_axis:
-            found.setdefault(int(np.argmax(beyond)), symbol.name)
+            found.setdefault(int(np.argmax(beyond)), symbol)
     return found[min(found)] if found else None
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from gsp.errors import Status
 from gsp.integration.loop import Control, Run, check_tolerances, run
 from gsp.integration.methods import Method
-from gsp.lowering.compiled_flow import compile_flow
 from gsp.orbits.periodic.collocation import OrbitProblem
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.systems.arguments import check_noun, check_number
@@ -42,7 +41,7 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     rtol = check_tolerances(rtol, 1.0)[0]
     flow, p = orbit.flow, orbit._constants.copy()
     problem = OrbitProblem(flow, p)
-    compiled = compile_flow(flow)
+    compiled = problem.compiled
     cycle = orbit._cycle
     scales = np.maximum(cycle.amplitudes, 1e-300)
     linear = problem.linearise(cycle)
@@ -84,5 +83,5 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     defect, z, T = best
     if defect <= 1e-11:
         status = Status.SUCCESS
-    point = {symbol.name: float(value) for symbol, value in zip(flow.states, z)}
+    point = {symbol.name: float(value) for symbol, value in zip(flow.states, z + flow.centre)}
     return Shot(float(abs(T)), point, defect, status)

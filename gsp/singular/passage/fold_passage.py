@@ -22,7 +22,7 @@ Theorem 2.1, for the transition map.)
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -33,6 +33,7 @@ from gsp.critical.continuation.special_points import SpecialPoint, fold_vectors
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton, natural_scales
 from gsp.critical.minimally_augmented import identity, singular_near
 from gsp.critical.normal_forms import bordered
+from gsp.errors import met_at
 from gsp.fibres.layer_flow import LayerFlow
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.lowering.compiled_flow import compile_flow
@@ -143,7 +144,39 @@ def passage_at(
 ) -> FoldPassage:
     """`fold_passage` where the states' `sizes` (n,) are known, as of a branch; else the fold has to tell them."""
     box = None if region is None else check_region(region, [s.name for s in system.states])
-    problem, u, units = _located(system, fold, box or {}, sizes)
+    given = dict(fold.point) if isinstance(fold, SpecialPoint) else values_by_name(fold, what="fold")
+    if not system.centres:
+        return _passage(system, given, box, sizes)
+    # The fold of a number that is rounded far from the origin is none: beside it the layer has rest points, or a gap.
+    far = {s.name: float(c) for s, c in system.centres.items()}
+    # Of a state that is far from the origin its size there says nothing.
+    near = None if sizes is None else np.where(system.centre == 0.0, np.array(sizes), np.nan).tolist()
+    with met_at(f"about {system.place(far)}"):
+        found = _passage(
+            system.about_centres,
+            {name: value - far.get(name, 0.0) for name, value in given.items()},
+            box
+            and {
+                name: (low - far.get(name, 0.0), high - far.get(name, 0.0)) for name, (low, high) in box.items()
+            },
+            near,
+        )
+
+    def there(point: Mapping[str, float]) -> Mapping[str, float]:
+        return MappingProxyType({name: value + far.get(name, 0.0) for name, value in point.items()})
+
+    drop = replace(found.drop, point=there(found.drop.point))
+    return replace(found, system=system, point=there(found.point), drop=drop, region=box)
+
+
+def _passage(
+    system: SlowFastSystem,
+    given: dict[str, float],
+    box: Mapping[str, Interval] | None,
+    sizes: Sequence[float] | None,
+) -> FoldPassage:
+    """The passage about the system's centres; `sizes` that are NaN, or not given, the fold has to tell."""
+    problem, u, units = _located(system, given, box or {}, sizes)
     m, n = len(system.x), len(system.y)
     x, y = u[:m], u[m:]
     where = in_words(problem.point(u), 8)
@@ -223,12 +256,11 @@ def passage_at(
 
 def _located(
     system: SlowFastSystem,
-    fold: SpecialPoint | Point,
+    given: dict[str, float],
     box: Mapping[str, Interval],
     sizes: Sequence[float] | None,
 ) -> tuple[LayerProblem, np.ndarray, np.ndarray]:
     """The layer problem over all slow variables, the fold next to the given point, polished, and the states' sizes."""
-    given = dict(fold.point) if isinstance(fold, SpecialPoint) else values_by_name(fold, what="fold")
     problem = LayerProblem.over_all(system)
     for symbol, value in problem.fixed.items():
         if symbol.name in given and given.pop(symbol.name) != value:
@@ -239,13 +271,9 @@ def _located(
                 value=value,
             )
     u = np.array(complete(given, system.states, what="fold"))
-    if sizes is not None and not system.centres:
-        scales = np.array(sizes)
-    else:
-        there = LayerProblem.over_all(system.about_centres) if system.centres else problem
-        own = natural_scales(there, u - system.centre, box)
-        # Of a state that is far from the origin its size there says nothing.
-        scales = own if sizes is None else np.where(system.centre == 0.0, np.array(sizes), own)
+    scales = np.full(len(u), np.nan) if sizes is None else np.array(sizes)
+    if np.isnan(scales).any():
+        scales = np.where(np.isnan(scales), natural_scales(problem, u, box), scales)
     where = in_words(problem.point(u), 8)
     found = None
     try:
