@@ -188,6 +188,7 @@ def slow_curve(analysis: Analysis) -> tuple[np.ndarray, np.ndarray]:
 def slow_ends(analysis: Analysis) -> tuple[bool, list[float]]:
     """(whether any of the slow manifold over one slow variable is drawn, the values of it at which its terms stop
     falling)."""
+    check_noun(analysis, Analysis, verb="charts.slow_ends")
     on, leading = slow_curve(analysis)
     return bool(np.isfinite(on[:, 1]).any()), [float(value) for value in on[ends_of(on, leading), 0]]
 
