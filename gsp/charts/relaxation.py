@@ -36,7 +36,8 @@ from gsp.integration.trajectory import Trajectory
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.results.bounds import at_least
 from gsp.singular.mixed_modes import MixedMode
-from gsp.singular.singular_orbit import SingularOrbit, SlowPiece
+from gsp.singular.singular_orbit import SingularOrbit
+from gsp.singular.slow_pieces import SlowPiece
 
 # Light to dark as epsilon falls.
 DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])
