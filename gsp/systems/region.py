@@ -115,7 +115,7 @@ def shown_within(value: float, bounds: Interval) -> str:
 def digits_between(bounds: Interval, least: int = 6) -> int:
     """To how many digits two ends are told: to the `least` of each, and of what is between them."""
     low, high = bounds
-    further = max(abs(low), abs(high)) / (high - low) if high > low else 1.0
+    further = max(abs(low), abs(high)) / (high - low) if math.inf > high - low > 0.0 else 1.0
     return min(least + max(math.ceil(math.log10(max(further, 1.0))) - 1, 0), 17)
 
 

@@ -359,3 +359,16 @@ def test_a_field_keeps_all_of_a_system_but_its_equations() -> None:
     system = SlowFastSystem(slow={x: a * y}, fast={y: x - y}, **words)
     assert system.as_field() == VectorField({x: a * y, y: (x - y) / epsilon}, **words)
     assert system.as_field({x: -x / epsilon, y: y}) == VectorField({x: -x / epsilon, y: y}, **words)
+
+
+def test_places_are_told_to_six_digits_of_their_distance_from_the_centre() -> None:
+    T, x = sp.symbols("T x")
+    system = SlowFastSystem(
+        slow={T: -((T - 10_000_301) ** 2) - x},
+        fast={x: (T - 10_000_301) ** 3 - x},
+        epsilon=sp.Symbol("epsilon"),
+    )
+    assert system.place({T: 10_000_301.0, x: 1 / 3}) == "T = 10000301, x = 0.333333"
+    assert system.place({"T": 10_000_301.125}) == "T = 10000301.125"
+    # A branch may go to infinity, and a run end there.
+    assert system.place([(T, float("-inf")), (x, float("nan"))]) == "T = -inf, x = nan"
