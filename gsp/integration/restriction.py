@@ -41,7 +41,7 @@ def restrict(
     if order is not None:
         check_order(order)
     rates_driven = reconstruction_of(manifold.branch.system, reconstruction)
-    truncated = manifold.at_order(manifold.order if order is None else order).evaluated
+    truncated = manifold.at_order(manifold.order if order is None else order).specialised
     try:
         moved = moving(truncated.chart, truncated._f)
     except BudgetError:

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-import gsp
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BeyondReachWarning, DeclarationError, HyperbolicityError, UnsupportedFunctionError
 from gsp.slow.components import Components
@@ -461,17 +460,6 @@ def test_terms_beside_a_root_have_the_digits_of_the_implicit_branch() -> None:
     for series in (expand(explicit, order=6), expand(explicit, order=6, symbolic=False)):
         assert not series.is_program
         assert series.terms(points, 1.0) == pytest.approx(expected, rel=1e-9, abs=1e-11)
-    flow = gsp.restrict(expand(explicit, order=6))
-    run = gsp.integrate(flow, start={"x": 0.9}, span=(0.0, 1.0), epsilon=0.02, rtol=1e-10, atol=1e-13)
-    other = gsp.integrate(
-        gsp.restrict(expand(sheet, order=6)),
-        start={"x": 0.9},
-        span=(0.0, 1.0),
-        epsilon=0.02,
-        rtol=1e-10,
-        atol=1e-13,
-    )
-    assert run["x"][-1] == pytest.approx(other["x"][-1], rel=1e-8)
 
 
 def test_programs_find_a_pivot_where_a_diagonal_entry_vanishes_on_the_branch() -> None:
