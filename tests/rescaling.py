@@ -90,14 +90,7 @@ def shifted(scene: Scene, by: Mapping[str, int]) -> Scene:
     def moved(of: Mapping) -> dict:
         return {s: sp.sympify(e).xreplace(back) for s, e in of.items()}
 
-    new = _with_rates(
-        scene,
-        moved,
-        observables={
-            s: e + by.get(s.name, 0) if s in scene.system.states else e
-            for s, e in moved(scene.system.observables).items()
-        },
-    )
+    new = _with_rates(scene, moved, observables=moved(scene.system.observables))
     return replace(
         scene,
         system=new,

@@ -143,9 +143,8 @@ class Branch(Portable, Card):
         names = [s.name for s in self.system.states]
         # How far a state is from the origin is no size of what it does.
         centre = dict(zip(names, self.system.centre.tolist()))
-        box = check_region(region, names).items()
         sizes = state_sizes(
-            {name: (low - centre[name], high - centre[name]) for name, (low, high) in box},
+            self.system.box_from_centres(check_region(region, names)),
             {name: value - centre[name] for name, value in point.items()},
         )
         return replace(self, units=tuple(powers_of_two([sizes.get(name, 1.0) for name in names]).tolist()))
@@ -191,15 +190,15 @@ class Branch(Portable, Card):
             seed=self.seed and (tuple((self.seed[0] - x).tolist()), tuple((self.seed[1] - y).tolist())),
         )
 
-    @cached_property
+    @property
     def scales(self) -> tuple[np.ndarray, np.ndarray]:
         """The `units` of x (n_slow,) and of y (n_fast,)."""
-        units = np.array(self.units or [1.0] * len(self.system.states))
-        return units[: len(self.system.x)], units[len(self.system.x) :]
+        return self._own.scales
 
     @cached_property
     def _own(self) -> OwnEquations:
-        return OwnEquations(self.system, self.equations, np.concatenate(self.scales))
+        units = np.array(self.units or [1.0] * len(self.system.states))
+        return OwnEquations(self.system, self.equations, units)
 
     def follow(
         self,

@@ -115,7 +115,7 @@ def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
     limit = layer.jacobian(point[None, :] / layer.units)[0]
     eigenvalues = np.linalg.eigvals(limit)
     real, scale = eigenvalues.real, np.abs(eigenvalues).max()
-    where = branch.system.place(dict(zip(branch.system.x, x)))
+    where = branch.system.place(zip(branch.system.x, x))
     neutral = np.abs(real) <= 1e-12 * scale
     if not np.isfinite(limit).all() or neutral.any():
         turns = np.isfinite(limit).all() and (np.abs(eigenvalues[neutral]) > 1e-12 * scale).all()
@@ -316,7 +316,7 @@ def _elsewhere(branch: Branch, layer: LayerFlow, y, point, run) -> str:
     start, end, there = (
         branch.system.place(_fast_values(branch, at * layer.units)) for at in (y, run.y[:, -1], point)
     )
-    over = branch.system.place(dict(zip(branch.system.x, layer.x)))
+    over = branch.system.place(zip(branch.system.x, layer.x))
     backward = "" if layer.direction > 0 else " run backward, as the branch repels,"
     leads, remedy = f"leads to {end}", "Project to the branch it leads to, or move the start."
     if not run.status.ok and np.abs(run.y[:, -1]).max() > np.sqrt(1.0 / ROUNDING):

@@ -220,7 +220,7 @@ class _Shadowing:
         if not len(run.t):
             return "once"
         values = run.y[:, i] * self.units + self.centre
-        return self.problem.system.place(dict(zip(self.problem.system.states, values)))
+        return self.problem.system.place(zip(self.problem.system.states, values))
 
 
 def _height(
@@ -253,7 +253,7 @@ def _height(
         y0 = np.atleast_2d(branch.points(x, near=guess))
         y, orders, errors, _, _ = climb(tape, branch, x, y0, epsilon, order=None, tolerance=1e-15)
         if (orders < 0).any():
-            where = dict(zip(system.x, x[np.argmin(orders)] * x_units + x_centre))
+            where = zip(system.x, x[np.argmin(orders)] * x_units + x_centre)
             raise BranchError(
                 f"the slow manifold was not found at {branch.system.epsilon} = {epsilon:g} over "
                 f"{system.place(where)}.",

@@ -79,10 +79,8 @@ def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
     text = Markup(" and the slow manifold <i>M</i><sub>ε</sub> (blue).")
     if ends:
         x = analysis.study.system.x[0]
-        places, name = (
-            Markup(", ").join(_coordinate(x.name, value, analysis) for value in ends),
-            setter.inline(x),
-        )
+        places = Markup(", ").join(_coordinate(x.name, value, analysis) for value in ends)
+        name = setter.inline(x)
         text += Markup(
             " The blue line ends (circles) where the terms of its series stop falling, {} = {}."
         ).format(name, places)

@@ -141,19 +141,17 @@ class SeriesManifold(Card):
         return series_of(self._expansion.numeric.programs, self.order).over(self.branch)
 
     @cached_property
-    def evaluated(self) -> SeriesManifold:
+    def _evaluated(self) -> SeriesManifold:
         """The same series as numbers are best got from it.
 
         Beside a root in h_0 a numerator A + B sqrt(q) cancels, the more so the higher the order: programs do not.
         """
         special = self.specialised
-        graph = self.branch.graph or {}
-        roots = (p.exp for h in graph.values() for p in h.atoms(sp.Pow) if p.base.free_symbols)
-        return (
-            special.as_programs
-            if any(power.is_Rational and not power.is_Integer for power in roots)
-            else special
-        )
+        powers = [
+            p.exp for h in (self.branch.graph or {}).values() for p in h.atoms(sp.Pow) if p.base.free_symbols
+        ]
+        has_roots = any(power.is_Rational and not power.is_Integer for power in powers)
+        return special.as_programs if has_roots else special
 
     @cached_property
     def _ahead(self) -> SeriesManifold:
@@ -344,13 +342,13 @@ class SeriesManifold(Card):
 
     @cached_property
     def _h_function(self):
-        special = self.evaluated
+        special = self._evaluated
         outputs = [e for part in special._written(special.chart.ring.horner) for e in part]
         return compile_over(self.branch.system, tuple(outputs), arguments=self.coordinates)
 
     @cached_property
     def _slope_function(self):
-        special = self.evaluated
+        special = self._evaluated
         ring = special.chart.ring
         rows, places = range(self.order + 1), range(ring.derivations)
         return self._compiled(
@@ -358,7 +356,7 @@ class SeriesManifold(Card):
         )
 
     def _compiled(self, elements: list[RingElement]):
-        outputs = tuple(map(self.evaluated.chart.ring.horner, elements))
+        outputs = tuple(map(self._evaluated.chart.ring.horner, elements))
         return compile_over(self.branch.system, outputs, arguments=self.coordinates)
 
     @cached_property

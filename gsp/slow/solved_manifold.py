@@ -360,7 +360,7 @@ class _Work:
         return f"{size * self.y_units.max():.2g}"
 
     def _state(self, z: np.ndarray) -> str:
-        return self.asked.system.place(dict(zip(self.system.states, z * self.units + self.centre)))
+        return self.asked.system.place(zip(self.system.states, z * self.units + self.centre))
 
 
 def _spread(sheet: Branch, intervals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

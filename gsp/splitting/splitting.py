@@ -203,7 +203,7 @@ def split(field: VectorField | SlowFastSystem, *, second: str | sp.Symbol | None
     if has_higher_pole(field):
         return _split_scaled(field)
     if here := centres(field.rates, field.states):
-        return _back_from(here, split(_about(here, field)), field)
+        return _back_from(here, split(field.about(here)), field)
     rescaled = is_in_fast_time(field)
     field = divided(field) if rescaled else field
     layer, drift = principal_part(field)
@@ -274,16 +274,6 @@ def _split_scaled(field: VectorField) -> Splitting:
         f"{epsilon} leaves a fast part that is hyperbolic and something slow. Where there are three time "
         f'scales take nest(scene, small=["{epsilon}", "{epsilon}"]).',
     )
-
-
-def _about(centres: Mapping[sp.Symbol, sp.Expr], field: VectorField) -> VectorField:
-    """The field with v + c for each state v that has one of the `centres` c."""
-    there = {s: s + c for s, c in centres.items()}
-    rates, observables = (
-        {s: e.xreplace(there) for s, e in of.items()} for of in (field.equations, field.observables)
-    )
-    words = {"epsilon": field.epsilon, "parameters": field.parameters, "name": field.name}
-    return VectorField(rates, observables=observables, **words)
 
 
 def _back_from(centres: Mapping[sp.Symbol, sp.Expr], found: Splitting, field: VectorField) -> Splitting:

@@ -22,7 +22,7 @@ from gsp.results.card import Card
 from gsp.systems.arguments import check_text
 from gsp.systems.declaration import checked_parameters, equations_of, updated_parameters
 from gsp.systems.flow import Flow, Values, in_words
-from gsp.systems.region import digits_between, in_units
+from gsp.systems.region import Interval, digits_between, in_units
 
 
 class _Declared(Flow):
@@ -61,6 +61,11 @@ class _Declared(Flow):
             tuple(e.xreplace(values) for of in self._equations.values() for e in of.values()), self.states
         )
 
+    def box_from_centres(self, box: Mapping[str, Interval]) -> dict[str, Interval]:
+        """Intervals by name as they are counted from the `centres`."""
+        centre = {s.name: float(c) for s, c in self.centres.items()}
+        return {n: (low - centre.get(n, 0.0), high - centre.get(n, 0.0)) for n, (low, high) in box.items()}
+
     def place(self, point: Mapping[Any, float] | Iterable[tuple[Any, float]]) -> str:
         """Values by name, or by symbol, as text, to six digits of how far each is from its centre."""
         centre = {s.name: float(c) for s, c in self.centres.items()}
@@ -80,16 +85,14 @@ class _Declared(Flow):
         return self.about(self.centres)
 
     def about(self, centres: Mapping[sp.Symbol, sp.Expr]) -> Self:
-        """The same with v + c for each state v that has one of the `centres` c, without observables then."""
+        """The same with v + c for each state v that has one of the `centres` c."""
         if not centres:
             return self
         there = {s: s + c for s, c in centres.items()}
+        given = {**self._equations, "observables": self.observables}
         kind: Any = type(self)
         return kind(
-            **{
-                argument: {s: e.xreplace(there) for s, e in of.items()}
-                for argument, of in self._equations.items()
-            },
+            **{name: {s: e.xreplace(there) for s, e in of.items()} for name, of in given.items()},
             epsilon=self.epsilon,
             parameters=self.parameters,
             name=self.name,

@@ -20,9 +20,8 @@ class Rules:
 
     A step of at most `rounding` is rounding. One of at most `last` is the one before the last, as the next is its
     square; when it, or one of at most `blurred`, is not below `stagnant` times the one before, it is rounding as well.
-    A step of more than `growth`
-    times the one before and more than `hopeless` is a setback, of which `setbacks` end the iteration; longer steps than
-    `longest` are shortened to it.
+    A step of more than `growth` times the one before and more than `hopeless` is a setback, of which `setbacks` end the
+    iteration; longer steps than `longest` are shortened to it.
     """
 
     steps: int

@@ -90,7 +90,7 @@ class SparseFastPart:
         del relative
         return sp.S.One, size(self._drift)
 
-    def rounding(self, lengths: Sequence[sp.Symbol]) -> sp.Expr:
+    def rounding(self, lengths: Sequence[sp.Expr]) -> sp.Expr:
         """What a relative change of all of z makes of D, and D itself: its entries are rounded too."""
         del lengths
         return plus([size(self._moved), size(self._D)])

@@ -155,10 +155,7 @@ def passage_at(
         found = _passage(
             system.about_centres,
             {name: value - far.get(name, 0.0) for name, value in given.items()},
-            box
-            and {
-                name: (low - far.get(name, 0.0), high - far.get(name, 0.0)) for name, (low, high) in box.items()
-            },
+            box and system.box_from_centres(box),
             near,
         )
 

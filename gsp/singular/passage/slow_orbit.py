@@ -83,8 +83,7 @@ class SlowOrbit:
         self.asked = branch.in_own_units(z, box)
         branch = branch.about_centres
         system = branch.system
-        far = {s.name: c for s, c in zip(system.states, self.centre)}
-        self.box = box and {name: (low - far[name], high - far[name]) for name, (low, high) in box.items()}
+        self.box = box and self.asked.system.box_from_centres(box)
         self.end, self.state = 0.0, z - self.centre
         m = len(x)
         if self.centre.any():
@@ -98,10 +97,8 @@ class SlowOrbit:
         self.panels: list[Panel] = []
         unit = branch.scales[0]
         # A slow time in which the orbit gets somewhere, and the largest eigenvalue so far.
-        self.time, self.rate = (
-            time_to_move(self.state[:m], sampler.rates(self.state[None, :])[0, :m], unit),
-            0.0,
-        )
+        self.time = time_to_move(self.state[:m], sampler.rates(self.state[None, :])[0, :m], unit)
+        self.rate = 0.0
         if not np.isfinite(self.time):
             raise PassageError(
                 f"the reduced flow stands still at the start, {self.shown(self.state)}.",

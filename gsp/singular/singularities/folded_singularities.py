@@ -153,10 +153,7 @@ def folded_singularities(
             "gsp.singular.singularities.folded_singularities.",
         )
     if centres := {s.name: c for s, c in system.centres.items()}:
-        own = {
-            name: (low - float(centres.get(name, 0)), high - float(centres.get(name, 0)))
-            for name, (low, high) in box.items()
-        }
+        own = system.box_from_centres(box)
         return tuple(
             replace(found, system=system, point={n: v + centres.get(n, 0) for n, v in found.point.items()})
             for found in folded_singularities(system.about_centres, region=own)
