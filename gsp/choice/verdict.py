@@ -156,22 +156,23 @@ def _off(shown: Candidate, evidence: Evidence) -> str:
         text += f" and {_error(evidence.layer_error)} within the layer" if evidence.layer_error > 0.0 else ""
     name, share = evidence.far or ("", 1.0)
     if shown.predicted > share * evidence.scene.tolerance:
-        text += f". Errors are shares of how large a state is; of {name} it may be {_error(shown.predicted / share)}"
+        error = _error(shown.predicted / share)
+        text += ". Errors are shares of how large a state is. As a share of the width of its region, that of "
+        text += f"{name} may be {error}"
     return f"{text}."
 
 
 def far_from_origin(
     system: SlowFastSystem, names: Sequence[str], region: Mapping[str, Interval]
 ) -> tuple[str, float] | None:
-    """Which of the named states is furthest from the origin for what it does about the system's centre c, as "T - 300",
-    and how large that is, at most, as a share of T; None where none has a centre.
+    """Which of the named states with a centre elsewhere is furthest from the origin for the width of its region, and
+    that width as a share of how large it is there; None where none is.
     """
     found = []
-    for symbol, c in system.centres.items():
+    for symbol in system.centres:
         low, high = region.get(symbol.name, (0.0, 0.0))
         if symbol.name in names and low < high:
-            own, whole = (max(abs(low - a), abs(high - a)) for a in (float(c), 0.0))
-            found.append((own / whole, str(symbol - c)))
+            found.append(((high - low) / max(abs(low), abs(high)), symbol.name))
     share, name = min(found, default=(1.0, ""))
     return (name, share) if share < 1.0 else None
 

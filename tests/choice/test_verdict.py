@@ -243,13 +243,16 @@ def test_far_from_the_origin_an_error_is_told_as_a_share_of_what_moves_too() -> 
     T, x, epsilon = sp.symbols("T x epsilon")
     system = SlowFastSystem(slow={T: -((T - 300) ** 2) - x}, fast={x: (T - 300) ** 3 - x}, epsilon=epsilon)
     far = far_from_origin(system, ["T"], {"T": (299.0, 303.0), "x": (-1.0, 1.0)})
-    assert far == ("T - 300", pytest.approx(3.0 / 303.0))
+    assert far == ("T", pytest.approx(4.0 / 303.0))
     # Not far off for what it moves, not asked about, or not bounded.
     assert far_from_origin(system, ["T"], {"T": (-400.0, 303.0)}) is None
     assert far_from_origin(system, ["x"], {"T": (299.0, 303.0), "x": (-1.0, 1.0)}) is None
     assert far_from_origin(system, ["T"], {}) is None
     one = candidate(1, predicted=3e-6)
-    assert "of T - 300 it may be 0.00030." in verdict_of(one, one, FULL, far=far).accuracy
+    assert (
+        "As a share of the width of its region, that of T may be 0.00023."
+        in verdict_of(one, one, FULL, far=far).accuracy
+    )
     exact = replace(one, predicted=9e-8)
     for found in (verdict_of(one, one, FULL), verdict_of(exact, exact, FULL, far=far)):
-        assert "it may be" not in found.accuracy
+        assert "width" not in found.accuracy
