@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import flint
+import numpy as np
 import sympy as sp
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import lsqr
 
 from gsp.algebra.factorisation import quotient
-from gsp.algebra.polynomials import FACTOR_TERMS, length, middles, rational
+from gsp.algebra.polynomials import FACTOR_TERMS, middles, rational
 
+# Of bits that are fitted and added.
+ROUNDING = 1e-6
 # A polynomial and the meanings of its generators.
 Piece = tuple[flint.fmpq_mpoly, tuple[sp.Expr, ...]]
 
@@ -18,21 +24,25 @@ Piece = tuple[flint.fmpq_mpoly, tuple[sp.Expr, ...]]
 @lru_cache(maxsize=64)
 def centres(expressions: tuple[sp.Expr, ...], symbols: tuple[sp.Symbol, ...]) -> dict[sp.Symbol, sp.Rational]:
     """The rational numbers c, those that are not 0, by symbol v: with v - c for v in all of `expressions` their
-    polynomials are the shortest.
+    polynomials have the fewest terms and factors.
 
     Tried are the zeros of sums a v + b that are written in them, and the centres of their polynomials. Arguments of
-    functions count as expressions of their own; polynomials over the budget do not.
+    functions count as expressions of their own; polynomials over the budget do not. The units of the symbols do not
+    count: 1000 c are the centres of 1000 v.
     """
     places = _Places(expressions, symbols)
-    longest, largest = places.length, places.largest
+    here = places.pieces
     while places.improve():
         pass
     found = {symbol: c for symbol, c in places.found.items() if c != 0}
-    # Digits are lost by large coefficients alone. And what is saved is not only moved into the centres, as of 3 - x.
-    bits = sum(int(c.p).bit_length() + int(c.q).bit_length() for c in found.values())
-    if places.largest >= largest or longest - places.length <= bits:
+    if not found:
         return {}
-    return {s: rational(c) for s, c in found.items()}
+    at_origin = _Units(here)
+    every = (at_origin, _Units(places.pieces, at_origin))
+    # What is saved is not only moved into the centres, as of 3 - x. And digits are lost by large coefficients alone.
+    saved = sum(units.length(here) - units.length(places.pieces) - units.length_of(found) for units in every)
+    smaller = sum(units.largest(here) - units.largest(places.pieces) for units in every)
+    return {s: rational(c) for s, c in found.items()} if min(saved, smaller) > ROUNDING else {}
 
 
 class _Places:
@@ -41,6 +51,7 @@ class _Places:
     def __init__(self, expressions: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> None:
         pieces = list(_pieces(expressions))
         self.polynomials = [p for p, _ in pieces]
+        self._atoms = [atoms for _, atoms in pieces]
         self.found = dict.fromkeys(symbols, flint.fmpq(0))
         self._written = _zeros(expressions)
         # Where each symbol is: (piece, generator).
@@ -56,13 +67,13 @@ class _Places:
         self._tried: dict[sp.Symbol, list[tuple[int, flint.fmpq]]] = {}
 
     def improve(self) -> bool:
-        """Take the step that saves most; else two steps of symbols in one piece, as for x + t - c; else False."""
+        """Take the step that saves most, to a zero that is written if one saves; else two steps of symbols in one
+        piece, as for x + t - c; else False.
+        """
         singles = [(saved, s, step) for s in self.found for saved, step in self._steps(s)]
-        best = max(singles, key=lambda row: row[0], default=None)
-        if best is None:
-            return False
-        if best[0] > 0:
-            self._move(*best[1:])
+        if saving := [row for row in singles if row[0] > 0]:
+            _, symbol, step = max(saving, key=lambda row: (self._is_written(*row[1:]), row[0]))
+            self._move(symbol, step)
             return True
         terms = self.terms
         for saved, symbol, step in singles:
@@ -78,14 +89,9 @@ class _Places:
         return False
 
     @property
-    def length(self) -> int:
-        """That of all polynomials together."""
-        return sum(map(length, self.polynomials))
-
-    @property
-    def largest(self) -> int:
-        """The largest coefficient of all polynomials, without its sign."""
-        return max((abs(int(c)) for p in self.polynomials for c in p.coeffs()), default=0)
+    def pieces(self) -> list[Piece]:
+        """The polynomials, each with the meanings of its generators."""
+        return list(zip(self.polynomials, self._atoms))
 
     @property
     def terms(self) -> int:
@@ -99,20 +105,83 @@ class _Places:
         for other in (symbol, *self._beside[symbol]):
             self._tried.pop(other, None)
 
+    def _is_written(self, symbol: sp.Symbol, step: flint.fmpq) -> bool:
+        return self.found[symbol] + step in self._written.get(symbol, ())
+
     def _steps(self, symbol: sp.Symbol) -> list[tuple[int, flint.fmpq]]:
-        """(bits that it saves, step) for each step of `symbol` that is tried."""
+        """(terms and factors that it saves, step) for each step of `symbol` that is tried.
+
+        No symbol goes on from a zero that is written to a centre that is not.
+        """
         if symbol not in self._tried:
             own = [(self.polynomials[k], i) for k, i in self._where[symbol]]
-            here = self.found[symbol]
+            here, before = self.found[symbol], sum(_length(p) for p, _ in own)
             steps = {c - here for c in self._written.get(symbol, ())}
-            for p, i in own:
+            for p, i in own if flint.fmpq(0) not in steps else ():
                 steps |= {flint.fmpq(c.leading_coefficient()) for c in middles(p, i) if c.is_constant()}
-            before = sum(length(p) for p, _ in own)
             self._tried[symbol] = [
-                (before - sum(length(_moved(p, i, step)) for p, i in own), step)
-                for step in sorted(steps - {flint.fmpq(0)})
+                (before - sum(_length(_moved(p, i, step)) for p, i in own), step)
+                for step in sorted(steps - {flint.fmpq(0)}, key=abs)
             ]
         return self._tried[symbol]
+
+
+def _length(polynomial: flint.fmpq_mpoly) -> int:
+    """Terms and their factors."""
+    return sum(1 + sum(map(int, exponents)) for exponents in polynomial.to_dict())
+
+
+class _Units:
+    """Units of the generators, and of each polynomial, in which the coefficients are as near to 1 as they can be.
+
+    Their logarithms are fitted by least squares, from the units `within` on. The sizes of coefficients in them are
+    the same in whatever units the generators were.
+    """
+
+    def __init__(self, pieces: Sequence[Piece], within: _Units | None = None) -> None:
+        atoms = dict.fromkeys(atom for _, of in pieces for atom in of)
+        self._column = {atom: k for k, atom in enumerate(atoms)}
+        self._bits = within._bits if within else np.zeros(len(atoms))
+        found = [self._sizes(*piece) for piece in pieces]
+        data = np.concatenate([(powers - powers.mean(axis=0)).ravel() for _, powers, _ in found])
+        columns = np.concatenate([np.tile(own, len(powers)) for own, powers, _ in found])
+        counts = [len(own) for own, powers, _ in found for _ in powers]
+        rows = np.repeat(np.arange(len(counts)), counts)
+        matrix = csr_array((data, (rows, columns)), shape=(len(counts), len(atoms)))
+        # In its own unit the logarithms of a polynomial's coefficients have the mean 0.
+        less = np.concatenate([sizes - sizes.mean() for _, _, sizes in found])
+        self._bits = self._bits - lsqr(matrix, less, atol=1e-14, btol=1e-14, conlim=0.0)[0]
+        self._means = [float(np.mean(self._sizes(*piece)[2])) for piece in pieces]
+
+    def _sizes(
+        self, polynomial: flint.fmpq_mpoly, atoms: Sequence[sp.Expr]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Columns (n,) of the generators, powers (m, n) of the terms, and bits (m,) of their coefficients."""
+        own = np.array([self._column[atom] for atom in atoms], dtype=int)
+        terms = polynomial.to_dict()
+        powers = np.array([[int(e) for e in exponents] for exponents in terms], dtype=float)
+        return own, powers, np.array([_bits(c) for c in terms.values()]) + powers @ self._bits[own]
+
+    def _all(self, pieces: Sequence[Piece]) -> np.ndarray:
+        """Bits of the coefficients of polynomials in the places of its own."""
+        return np.concatenate([self._sizes(*piece)[2] - mean for piece, mean in zip(pieces, self._means)])
+
+    def length(self, pieces: Sequence[Piece]) -> float:
+        """Bits of the coefficients together, those below 1 as good as none."""
+        return float(np.sum(np.logaddexp2(0.0, self._all(pieces))))
+
+    def largest(self, pieces: Sequence[Piece]) -> float:
+        """Bits of the largest coefficient."""
+        return float(np.max(self._all(pieces)))
+
+    def length_of(self, values: Mapping[sp.Symbol, flint.fmpq]) -> float:
+        """Bits of values of generators together."""
+        sizes = [_bits(c) - self._bits[self._column[symbol]] for symbol, c in values.items()]
+        return float(np.sum(np.logaddexp2(0.0, sizes)))
+
+
+def _bits(number: flint.fmpq) -> float:
+    return math.log2(abs(int(number.p))) - math.log2(int(number.q))
 
 
 def _moved(polynomial: flint.fmpq_mpoly, i: int, step: flint.fmpq) -> flint.fmpq_mpoly:

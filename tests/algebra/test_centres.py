@@ -32,6 +32,20 @@ def test_a_field_that_is_shifted_has_its_origin_found(rates: tuple[sp.Expr, ...]
         assert centres(tuple(map(sp.expand, moved)), symbols) == pytest.approx(there, abs=30.0)
 
 
+@pytest.mark.parametrize("rates", FIELDS)
+def test_centres_are_the_same_in_other_units(rates: tuple[sp.Expr, ...]) -> None:
+    there = {s: 300 * (k + 1) for k, s in enumerate(symbols)}
+    moved = tuple(sp.expand(e.xreplace({s: s - c for s, c in there.items()})) for e in rates)
+    units = dict(zip(symbols, (10**6, sp.Rational(7, 300), sp.Rational(1, 2**20), 3)))
+    in_units = tuple(e.xreplace({s: s / unit for s, unit in units.items()}) for e in moved)
+    assert {s: c / units[s] for s, c in centres(in_units, symbols).items()} == centres(moved, symbols)
+
+
+def test_far_terms_do_not_make_a_centre_far_from_where_all_is_short() -> None:
+    # (y + 1000/3)^3 has no square, and at y = 1 it cancels by a factor of 10,000.
+    assert centres((x + 1000 * y**2 + y**3, 1 - y), symbols) == {}
+
+
 def test_a_constant_that_is_only_moved_into_a_centre_stays_where_it_is() -> None:
     assert centres((3 - x, x - y), symbols) == {}
 
