@@ -68,10 +68,16 @@ def _tried(
     polynomial: flint.fmpq_mpoly, beside: Sequence[flint.fmpq_mpoly], meaning: Sequence[sp.Expr]
 ) -> Iterator[tuple[int, flint.fmpq_mpoly]]:
     """Generators, each with the centres that are tried; one that is linear has them where it has a centre already."""
+    plainly = [m.is_Symbol or m.is_Add for m in meaning]
     for i in (i for i, degree in enumerate(polynomial.degrees()) if degree):
         least = 1 if meaning[i].is_Add else 2
         for p in (p for p in (polynomial, *beside) if p.degrees()[i] >= least):
-            yield from ((i, c) for c in middles(p, i))
+            for c in middles(p, i):
+                yield i, c
+                # Of v - t0 + r/9 - 1 with a root r also the centre t0.
+                plain = {e: a for e, a in c.to_dict().items() if any(map(int.__mul__, map(int, e), plainly))}
+                if 0 < len(plain) < len(c):
+                    yield i, c.context().from_dict(plain)
 
 
 def _cancels_no_more(

@@ -52,7 +52,7 @@ def test_a_rate_that_is_linear_in_a_shifted_state_is_written_about_no_other_plac
     rate = y / 10 - k * (x - place)
     system = gsp.SlowFastSystem(
         slow={x: rate, t: sp.Integer(1)},
-        fast={y: (x - 300) / 50 + (t - 2020) ** 2 - y - (y - 40) ** 3 / 5000},
+        fast={y: (x - 300) ** 3 / 50 + (t - 2020) ** 2 - y - (y - 40) ** 3 / 5000},
         epsilon=epsilon,
         parameters={k: 0.05, place: 293},
     )
@@ -193,3 +193,21 @@ def test_places_are_told_to_the_digits_of_how_far_they_are_from_the_centre() -> 
     sheets = gsp.SlowFastSystem(slow={x: -Y}, fast={y: X + Y - Y**3 / 3}, epsilon=epsilon)
     with pytest.raises(BranchError, match=r"x = 1000000\.125\."):
         gsp.solve_manifold(gsp.solve_critical(sheets).branches[0], region={"x": (1e6, 1000000.25)}, epsilon=0.3)
+
+
+@pytest.mark.parametrize("c", [300, 10**6])
+def test_formulas_beside_a_root_are_about_the_parameter_that_is_the_origin(c: int) -> None:
+    """Of h_3 at 10^6 the expansion gave 1e32: the centre of its polynomials is T0 and a multiple of the root."""
+    T, T0 = sp.symbols("T T0")
+    u = T - T0
+    system = gsp.SlowFastSystem(
+        slow={T: y * u / 7 - u / 5},
+        fast={y: 1 + u / 10 + y - y**2 + u * y**2 / 9},
+        epsilon=epsilon,
+        parameters={T0: c},
+    )
+    series = gsp.expand(gsp.solve_critical(system).branches[0], order=3)
+    for (formula,) in series.coefficients:
+        exact = formula.xreplace({T: c + sp.Rational(1, 4), T0: sp.Integer(c)})
+        found = sp.lambdify((T, T0), formula, "math")(c + 0.25, float(c))
+        assert found == pytest.approx(float(exact.evalf(30)), rel=100 * c * np.finfo(float).eps)
