@@ -9,8 +9,6 @@ from functools import lru_cache
 import flint
 import numpy as np
 import sympy as sp
-from scipy.sparse import csr_array
-from scipy.sparse.linalg import lsqr
 
 from gsp.algebra.factorisation import quotient
 from gsp.algebra.polynomials import FACTOR_TERMS, middles, rational
@@ -139,6 +137,9 @@ class _Units:
     """
 
     def __init__(self, pieces: Sequence[Piece], within: _Units | None = None) -> None:
+        from scipy.sparse import csr_array
+        from scipy.sparse.linalg import lsqr
+
         atoms = dict.fromkeys(atom for _, of in pieces for atom in of)
         self._column = {atom: k for k, atom in enumerate(atoms)}
         self._bits = within._bits if within else np.zeros(len(atoms))

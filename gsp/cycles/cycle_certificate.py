@@ -23,7 +23,7 @@ from gsp.proofs import balls
 from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import written
 from gsp.proofs.verdict import ProofVerdict
-from gsp.results.bounds import at_least, at_most
+from gsp.results.bounds import at_least, at_most, outside
 from gsp.singular.singular_orbit import SingularOrbit
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_epsilon
@@ -132,12 +132,11 @@ class CycleCertificate(ProofUpTo):
                 lines.append(
                     f"    in a turn small deviations shrink by exp({at_most(one.turn.contraction, 4)}/{small}) at least"
                 )
-            least, most = one.turn.period
-            lines.append(f"    its period is from {at_least(least)} to {at_most(most)}")
+            lines.append(f"    its period is from {' to '.join(outside(*one.turn.period))}")
             for variable, (low, high) in zip(self._names, one.amplitude):
                 lines.append(
-                    f"    {variable} goes down to between {at_least(low[0])} and {at_most(low[1])}, "
-                    f"up to between {at_least(high[0])} and {at_most(high[1])}"
+                    f"    {variable} goes down to between {' and '.join(outside(*low))}, "
+                    f"up to between {' and '.join(outside(*high))}"
                 )
         return "\n".join(lines)
 

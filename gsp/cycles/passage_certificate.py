@@ -28,7 +28,7 @@ from gsp.proofs import balls
 from gsp.proofs.search_progress import SearchProgress
 from gsp.proofs.sides import written
 from gsp.proofs.verdict import ProofVerdict
-from gsp.results.bounds import as_given, at_least, at_most
+from gsp.results.bounds import as_given, at_least, at_most, inside, outside
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.singular.passage.losses_met import Outcome
@@ -165,18 +165,16 @@ class PassageCertificate(ProofUpTo):
         if self.strip is not None:
             one = self.strip
             # Those through less than the entry section come out within more than the exit section.
-            for what, place, ends, low, high in (
-                ("every orbit through", 0, one.entry, at_most, at_least),
-                ("leaves the strip through", -1, one.exit, at_least, at_most),
+            for what, place, ends, told in (
+                ("every orbit through", 0, one.entry, inside),
+                ("leaves the strip through", -1, one.exit, outside),
             ):
                 places = [
-                    f"{name} = {exact}" if exact else f"{name} from {low(a)} to {high(b)}"
-                    for name, (a, b), exact in zip((x, y), ends, one.exactly(place))
+                    f"{name} = {exact}" if exact else f"{name} from {' to '.join(told(*sides))}"
+                    for name, sides, exact in zip((x, y), ends, one.exactly(place))
                 ]
                 lines.append(f"  {what} {', '.join(places)}")
-            lines.append(
-                f"  after a slow time from {at_least(one.turn.period[0])} to {at_most(one.turn.period[1])}"
-            )
+            lines.append(f"  after a slow time from {' to '.join(outside(*one.turn.period))}")
             lines.append(
                 f"  the integral of {small} times the divergence is at most {at_most(one.turn.contraction)}"
             )

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from gsp.proofs.file_variables import lettered
-from gsp.results.bounds import at_least, at_most
+from gsp.results.bounds import at_least, outside
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,11 @@ class CheckedCycle:
         for one in self.annuli:
             what = "just one closed orbit lies, and attracts," if one.unique else "a closed orbit lies"
             lines.append(f"  for every {small} in (0, {at_least(one.epsilon)}] {what} {where}")
-            lines.append(f"    its period is from {at_least(one.period[0])} to {at_most(one.period[1])}")
+            lines.append(f"    its period is from {' to '.join(outside(*one.period))}")
             shown = self.names if self.level is None else (x, f"{z}1")
-            for name, ((a, b), (c, d)) in zip(shown, one.sides):
+            for name, (low, high) in zip(shown, one.sides):
                 lines.append(
-                    f"    {name} goes down to between {at_least(a)} and {at_most(b)}, "
-                    f"up to between {at_least(c)} and {at_most(d)}"
+                    f"    {name} goes down to between {' and '.join(outside(*low))}, "
+                    f"up to between {' and '.join(outside(*high))}"
                 )
         return "\n".join(lines)

@@ -8,7 +8,7 @@ from typing import Any
 
 from gsp.proofs.checked_cycle import whole_rate
 from gsp.proofs.file_variables import lettered
-from gsp.results.bounds import as_given, at_least, at_most
+from gsp.results.bounds import as_given, at_least, at_most, inside, outside
 
 Side = tuple[float, float]
 
@@ -84,16 +84,16 @@ class CheckedPassage:
         ]
         up_to = f"for every {small} in (0, {at_least(one.epsilon)}]"
         if isinstance(one, CheckedStrip):
-            for what, sides, low, high in (
-                (f"{up_to} every orbit through", one.entry, at_most, at_least),
-                ("leaves through", one.exit, at_least, at_most),
+            for what, sides, told in (
+                (f"{up_to} every orbit through", one.entry, inside),
+                ("leaves through", one.exit, outside),
             ):
                 shown = [
-                    f"{n} = {as_given(a)}" if a == b else f"{n} from {low(a)} to {high(b)}"
+                    f"{n} = {as_given(a)}" if a == b else f"{n} from {' to '.join(told(a, b))}"
                     for n, (a, b) in zip((f"{z}0", f"{z}1"), sides)
                 ]
                 lines.append(f"  {what} {', '.join(shown)}")
-            lines.append(f"    after a slow time from {at_least(one.time[0])} to {at_most(one.time[1])}")
+            lines.append(f"    after a slow time from {' to '.join(outside(*one.time))}")
         else:
             early, late = (at_least, at_most) if one.stays_to > one.entry else (at_most, at_least)
             where = f"0 <= {z}1" if one.above else f"|{z}1|"

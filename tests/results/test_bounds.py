@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsp.results.bounds import at_least, at_most
+from gsp.results.bounds import at_least, at_most, inside, outside
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -41,3 +41,21 @@ def test_the_text_of_a_bound_is_next_to_it(bound: float, digits: int) -> None:
 def test_bounds_are_written_as_other_numbers_are(bound: float, low: str, high: str) -> None:
     assert at_least(bound) == low
     assert at_most(bound) == high
+
+
+@given(numbers, numbers)
+def test_ends_are_told_to_the_digits_of_what_is_between_them(a: float, b: float) -> None:
+    low, high = Fraction(min(a, b)), Fraction(max(a, b))
+    (outer_low, outer_high), (inner_low, inner_high) = (
+        map(Fraction, told(float(low), float(high))) for told in (outside, inside)
+    )
+    assert outer_low <= low <= inner_low
+    assert inner_high <= high <= outer_high
+    if low < high:
+        assert inner_low < inner_high
+        assert outer_high - outer_low - (high - low) <= (high - low) * Fraction(10) ** -4
+
+
+def test_an_interval_far_from_the_origin_is_not_told_as_one_number() -> None:
+    """It was "from -999998 to -999998"."""
+    assert inside(-999998.3, -999997.875) == ("-999998.3", "-999997.875")
