@@ -147,6 +147,20 @@ def test_special_values_are_told_without_errors_where_the_run_ends_early(tmp_pat
     assert "Errors were not measured." in told
 
 
+def test_slow_rates_in_fast_time_are_told(tmp_path) -> None:
+    model = tmp_path / "fast_time.toml"
+    model.write_text(
+        'region = {x = [1, 2], y = [0, 3]}\nslow = {x = "-epsilon*x"}\nfast = {y = "x - y"}\n'
+        "start = {x = 1, y = 1}\nscene = {span = [0, 20], epsilon = 0.1}\n",
+        encoding="utf-8",
+    )
+    told = run("check", str(model)).stderr
+    assert "every slow rate vanishes at epsilon = 0" in told
+    assert "write both under [states]" in told
+    model.write_text(model.read_text(encoding="utf-8").replace("-epsilon*x", "-x"), encoding="utf-8")
+    assert run("check", str(model)).stderr == ""
+
+
 def test_what_is_kept_is_asked_for_parameters_alone() -> None:
     with pytest.raises(DeclarationError, match="Add --parameters"):
         run("scales", "michaelis_menten", "--keep", "kappa")

@@ -144,7 +144,11 @@ class _Units:
         self._column = {atom: k for k, atom in enumerate(atoms)}
         self._bits = within._bits if within else np.zeros(len(atoms))
         found = [self._sizes(*piece) for piece in pieces]
-        data = np.concatenate([(powers - powers.mean(axis=0)).ravel() for _, powers, _ in found])
+        # Values of functions, roots apart, have no unit: those of tanh are as large as 1.
+        free = np.array([atom.is_Symbol or atom.is_Pow for atom in atoms])
+        data = np.concatenate(
+            [((powers - powers.mean(axis=0)) * free[own]).ravel() for own, powers, _ in found]
+        )
         columns = np.concatenate([np.tile(own, len(powers)) for own, powers, _ in found])
         counts = [len(own) for own, powers, _ in found for _ in powers]
         rows = np.repeat(np.arange(len(counts)), counts)

@@ -122,13 +122,21 @@ def tell_variables(scene: Scene) -> None:
     """Say in which variables and in which time a scene goes through that is not in slow time with a simple pole."""
     from gsp.scenes.slow_time import explain_slow_time, has_slow_time, in_slow_time
     from gsp.splitting.splitting import has_higher_pole, split
-    from gsp.systems.system import VectorField
+    from gsp.systems.system import SlowFastSystem, VectorField
 
     if isinstance(scene.system, VectorField) and has_higher_pole(scene.system):
         mu, scaling = scene.system.epsilon, split(scene.system).scaling
         tell_notes([f"the pole in {mu} is of higher order, and simple in scaled variables: {scaling}"])
     elif has_slow_time(scene.system):
         tell_notes([explain_slow_time(in_slow_time(scene), scene)])
+    elif isinstance(scene.system, SlowFastSystem) and scene.system.stands_still:
+        small = scene.system.epsilon
+        tell_notes(
+            [
+                f"every slow rate vanishes at {small} = 0: those of [slow] are in slow time. Where x' = {small} f and "
+                "y' = g was meant, write both under [states]"
+            ]
+        )
 
 
 def found_small(scene: Scene, *, needed: bool) -> Reductions:

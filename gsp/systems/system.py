@@ -212,6 +212,12 @@ class SlowFastSystem(_Declared, Card):
         """The fast symbols."""
         return tuple(self.fast)
 
+    @property
+    def stands_still(self) -> bool:
+        """Whether the slow rates have a factor epsilon, all of them: at leading order nothing moves along M0."""
+        rates = self.slow.values()
+        return any(f != 0 for f in rates) and all(f.xreplace({self.epsilon: sp.S.Zero}) == 0 for f in rates)
+
     @cached_property
     def f(self) -> sp.ImmutableMatrix:
         """Slow rates f(x, y, epsilon), a column."""

@@ -20,6 +20,17 @@ def loss_of(fast: dict, through: dict, kind: LossKind) -> Loss:
     return loss
 
 
+def test_nothing_is_said_of_what_passes_a_fold_where_no_slow_rate_is_of_order_1() -> None:
+    """They were canards, as where the slow flow vanishes at the fold alone."""
+    system = SlowFastSystem(slow={x: -eps * (y + 1)}, fast={y: x - y**2}, epsilon=eps)
+    (loss,) = classify(solve_critical(system).branches[0], region={"x": (0, 1)}).losses
+    assert system.stands_still
+    assert loss.kind is LossKind.FOLD
+    assert "kappa" not in loss.coefficients
+    assert loss.weights is None
+    assert loss.consequence.startswith("every slow rate vanishes at epsilon = 0")
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(("slope", "push"), [(2, 1), (2, 2), (-1, 1)])
 def test_the_push_at_a_pitchfork_is_less_the_slope_of_the_branch(slope: int, push: int) -> None:

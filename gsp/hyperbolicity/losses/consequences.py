@@ -31,6 +31,11 @@ class LossConsequence(NamedTuple):
 NOTHING_PASSES = LossConsequence(
     "the slow flow vanishes here, so nothing passes", False, "move the region off it"
 )
+STANDS_STILL = LossConsequence(
+    "every slow rate vanishes at epsilon = 0, so nothing comes here at leading order; terms in epsilon decide",
+    False,
+    "leave the factor epsilon out of the slow rates, or give rates in fast time as one field, [states]",
+)
 STOP_OR_CROSS = "stop the reduced flow here, or integrate the full system across"
 EXIT = "entry_exit tells which, and where the exit is"
 # Coefficients at the loss do not say whether the branch is invariant for epsilon > 0.

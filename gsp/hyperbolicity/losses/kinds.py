@@ -44,7 +44,12 @@ WEIGHTS = {
 }
 CANARD = (1, 2, 2)
 # The coefficient that is there, and not zero, where the slow flow passes the point.
-PASSED_IF = {LossKind.CUSP: "kappa", LossKind.TRANSCRITICAL: "lambda", LossKind.PITCHFORK: "crossing"}
+PASSED_IF = {
+    LossKind.FOLD: "kappa",
+    LossKind.CUSP: "kappa",
+    LossKind.TRANSCRITICAL: "lambda",
+    LossKind.PITCHFORK: "crossing",
+}
 
 
 @dataclass(frozen=True, repr=False)

@@ -184,10 +184,14 @@ def _width(
 
 
 def _fold(diagnosis: Diagnosis, here: _SimpleZero, known: Mapping[str, float], switching: float) -> Loss:
-    coefficients = {**known, "switching": switching, "kappa": known["a"] * switching}
-    if coefficients["kappa"] > 0.0:
-        coefficients["delay"] = OMEGA_0 * coefficients["kappa"] ** (-1.0 / 3.0)
-    verdict = consequences.fold(coefficients, diagnosis.nx)
+    coefficients = dict(known)
+    if diagnosis.fastest.any():
+        coefficients |= {"switching": switching, "kappa": known["a"] * switching}
+        if coefficients["kappa"] > 0.0:
+            coefficients["delay"] = OMEGA_0 * coefficients["kappa"] ** (-1.0 / 3.0)
+        verdict = consequences.fold(coefficients, diagnosis.nx)
+    else:
+        verdict = consequences.STANDS_STILL
     return diagnosis.loss(
         here.at.z,
         Contact.ZERO,
