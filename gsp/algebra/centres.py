@@ -15,6 +15,8 @@ from gsp.algebra.polynomials import FACTOR_TERMS, middles, rational
 
 # Of bits that are fitted and added.
 ROUNDING = 1e-6
+# Bits that each factor loses about the origin for which it is worth while to have another.
+FAR = 3.0
 # A polynomial and the meanings of its generators.
 Piece = tuple[flint.fmpq_mpoly, tuple[sp.Expr, ...]]
 
@@ -25,8 +27,8 @@ def centres(expressions: tuple[sp.Expr, ...], symbols: tuple[sp.Symbol, ...]) ->
     polynomials have the fewest terms and factors.
 
     Tried are the zeros of sums a v + b that are written in them, and the centres of their polynomials. Arguments of
-    functions count as expressions of their own; polynomials over the budget do not. The units of the symbols do not
-    count: 1000 c are the centres of 1000 v.
+    functions count as expressions of their own, and so do the parts of one over the budget. The units of the symbols
+    do not count: 1000 c are the centres of 1000 v.
     """
     places = _Places(expressions, symbols)
     here = places.pieces
@@ -36,11 +38,12 @@ def centres(expressions: tuple[sp.Expr, ...], symbols: tuple[sp.Symbol, ...]) ->
     if not found:
         return {}
     at_origin = _Units(here)
-    every = (at_origin, _Units(places.pieces, at_origin))
-    # What is saved is not only moved into the centres, as of 3 - x. And digits are lost by large coefficients alone.
-    saved = sum(units.length(here) - units.length(places.pieces) - units.length_of(found) for units in every)
-    smaller = sum(units.largest(here) - units.largest(places.pieces) for units in every)
-    return {s: rational(c) for s, c in found.items()} if min(saved, smaller) > ROUNDING else {}
+    there = _Units(places.pieces, at_origin)
+    # In the units of the origin, too, what is saved is not only moved into the centres, as of 3 - x.
+    saved = min(u.length(here) - u.length(places.pieces) - u.length_of(found) for u in (at_origin, there))
+    # Nor is a centre there where something is shorter than about 0, as about 1 of (1 + x)/x, but no digits are lost.
+    is_far = there.furthest(found, _Units(places.pieces)) > FAR
+    return {s: rational(c) for s, c in found.items()} if saved > ROUNDING and is_far else {}
 
 
 class _Places:
@@ -155,7 +158,7 @@ class _Units:
         matrix = csr_array((data, (rows, columns)), shape=(len(counts), len(atoms)))
         # In its own unit the logarithms of a polynomial's coefficients have the mean 0.
         less = np.concatenate([sizes - sizes.mean() for _, _, sizes in found])
-        self._bits = self._bits - lsqr(matrix, less, atol=1e-14, btol=1e-14, conlim=0.0)[0]
+        self._bits = self._bits - lsqr(matrix, less, atol=1e-14, btol=1e-14, conlim=0.0, iter_lim=10**4)[0]
         self._means = [float(np.mean(self._sizes(*piece)[2])) for piece in pieces]
 
     def _sizes(
@@ -175,14 +178,16 @@ class _Units:
         """Bits of the coefficients together, those below 1 as good as none."""
         return float(np.sum(np.logaddexp2(0.0, self._all(pieces))))
 
-    def largest(self, pieces: Sequence[Piece]) -> float:
-        """Bits of the largest coefficient."""
-        return float(np.max(self._all(pieces)))
-
     def length_of(self, values: Mapping[sp.Symbol, flint.fmpq]) -> float:
         """Bits of values of generators together."""
         sizes = [_bits(c) - self._bits[self._column[symbol]] for symbol, c in values.items()]
         return float(np.sum(np.logaddexp2(0.0, sizes)))
+
+    def furthest(self, values: Mapping[sp.Symbol, flint.fmpq], others: _Units) -> float:
+        """Bits of the largest value, infinite where a unit is not determined and other fits have others."""
+        columns = [self._column[symbol] for symbol in values]
+        sizes = np.array([_bits(c) for c in values.values()]) - self._bits[columns]
+        return float(np.max(np.where(np.abs(self._bits - others._bits)[columns] > ROUNDING, np.inf, sizes)))
 
 
 def _bits(number: flint.fmpq) -> float:
@@ -200,12 +205,15 @@ def _pieces(expressions: Sequence[sp.Expr]) -> Iterator[Piece]:
     waiting, seen = list(expressions), set()
     while waiting:
         expression = waiting.pop()
-        found = None if expression in seen else quotient(expression)
+        if expression in seen:
+            continue
+        found = quotient(expression)
         seen.add(expression)
-        if found is None:
+        if found is None or max(len(found.numerator), len(found.denominator)) > FACTOR_TERMS:
+            waiting += expression.args
             continue
         for polynomial in (found.numerator, found.denominator):
-            if not polynomial.is_constant() and len(polynomial) <= FACTOR_TERMS:
+            if not polynomial.is_constant():
                 yield polynomial, found.atoms
         waiting += [e for atom in found.atoms if not atom.is_Symbol for e in atom.args]
 
