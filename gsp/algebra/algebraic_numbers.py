@@ -7,12 +7,12 @@ Cox, Little and O'Shea, "Using algebraic geometry", chapter 2).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import flint
 import sympy as sp
-from sympy.polys.orderings import grevlex
 from sympy.polys.polyerrors import PolynomialError
 
 from gsp.algebra.polynomials import rational
@@ -21,6 +21,8 @@ from gsp.errors import GspError
 
 # So is one with more complex solutions, counted with multiplicity; past this, elimination takes minutes.
 SOLUTION_LIMIT = 16
+# Polynomials of a basis, terms of one and bits of its coefficients: with more of them a basis takes minutes.
+BASIS_LIMITS = (100, 400, 2**12)
 # Precision at which coordinates are rounded to doubles.
 BITS = 80
 
@@ -186,83 +188,166 @@ def real_points(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol]) -> 
     # A system whose Bezout number is larger is left to numerical methods.
     if bezout > 200:
         return None
-    symbols = list(unknowns)
-    extra: list[sp.Symbol] = []
-    if poles.free_symbols:
+    symbols = tuple(unknowns)
+    found = _points(numerators, symbols, symbols)
+    if not isinstance(found, list) and poles.free_symbols:
+        # With the poles left out of the ideal fewer solutions are left, and isolated ones.
         inverse = sp.Dummy("inverse")
-        numerators.append(1 - inverse * poles)
-        extra = [inverse]
-    basis = sp.groebner(numerators, *extra, *symbols, order="grevlex", domain="QQ")
-    if basis.exprs == [1]:
-        return []
-    if not basis.is_zero_dimensional:
+        found = _points([*numerators, 1 - inverse * poles], (inverse, *symbols), symbols)
+    if found is _Unsolved.INFINITE:
         raise InfinitelyManyPoints(
             f"the equations {', '.join(f'{e} = 0' for e in equations)} have solutions that are not isolated "
             f"in {', '.join(map(str, symbols))}."
         )
-    if _too_many_solutions([polynomial.LM(order=grevlex).exponents for polynomial in basis.polys]):
+    if found is _Unsolved.LONG:
         return None
-    eliminants = [_eliminant(basis.exprs, [*extra, *symbols], s) for s in symbols]
-    squarefree = [sp.Mul(*[factor for factor, _ in sp.factor_list(p)[1]]) for p in eliminants]
-    radical = [*basis.exprs, *squarefree]
-    for form in _forms(symbols):
-        found = _shape(radical, [*extra, *symbols], symbols, form)
-        if found is not None:
-            return sorted(found, key=lambda point: tuple(point.numbers().values()))
-    return None
+    regular = [point for point in found if not point.value(poles).is_zero()]
+    return sorted(regular, key=lambda point: tuple(point.numbers().values()))
 
 
-def _too_many_solutions(leading: Sequence[tuple[int, ...]]) -> bool:
-    """Whether more than `SOLUTION_LIMIT` monomials are divisible by none of the leading ones of a Groebner basis."""
-    size = len(leading[0])
-    level = {(0,) * size}
-    count = 0
-    while level and count <= SOLUTION_LIMIT:
+class _Unsolved(Enum):
+    """Why the points of an ideal were not found: they are not isolated, or finding them takes too long."""
+
+    INFINITE = 0
+    LONG = 1
+
+
+def _points(
+    equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], symbols: Sequence[sp.Symbol]
+) -> list[AlgebraicPoint] | _Unsolved:
+    """The real zeros of polynomials in `unknowns`, their coordinates `symbols`."""
+    context = flint.fmpz_mpoly_ctx.get([f"x{i}" for i in range(len(unknowns))], flint.Ordering.degrevlex)
+    polynomials = []
+    for equation in equations:
+        _, cleared = sp.Poly(equation, *unknowns, domain="QQ").clear_denoms(convert=True)
+        polynomials.append(context.from_dict({m: int(c) for m, c in cleared.terms()}))
+    algebra = _Algebra.of(polynomials)
+    if not isinstance(algebra, _Algebra):
+        return algebra
+    if not algebra.monomials:
+        return []
+    minimal = [flint.fmpq_poly(matrix.minpoly()) for matrix in algebra.by]
+    squarefree = [p // p.gcd(p.derivative()) for p in minimal]
+    if squarefree != minimal:
+        for i, p in enumerate(squarefree):
+            whole = p.numer()
+            place = [int(i == k) for k in range(len(unknowns))]
+            terms = {tuple(e * power for e in place): whole[power] for power in range(len(whole))}
+            polynomials.append(context.from_dict({m: c for m, c in terms.items() if c != 0}))
+        algebra = _Algebra.of(polynomials)
+        if not isinstance(algebra, _Algebra):
+            return algebra
+    own = [list(unknowns).index(s) for s in symbols]
+    for weights in _forms(len(symbols)):
+        form = sum((w * algebra.by[i] for w, i in zip(weights, own) if w), 0 * algebra.by[0])
+        graph = algebra.graph(form, own)
+        if graph is not None:
+            return [
+                AlgebraicPoint(field, {s: field.reduce(p) for s, p in zip(symbols, graph)})
+                for field in _fields(form.charpoly())
+            ]
+    return _Unsolved.LONG
+
+
+@dataclass(frozen=True)
+class _Algebra:
+    """QQ[x]/I for an ideal with isolated zeros: its `monomials`, exponents that no leading one of a Groebner basis
+    divides, and the matrices `by[i]` of multiplication by generator i in them."""
+
+    monomials: list[tuple[int, ...]]
+    by: list[flint.fmpq_mat]
+
+    @classmethod
+    def of(cls, polynomials: Sequence[flint.fmpz_mpoly]) -> _Algebra | _Unsolved:
+        """That of the ideal of the polynomials."""
+        context = polynomials[0].context()
+        basis, is_whole = flint.fmpz_mpoly_vec(polynomials, context).buchberger_naive(limits=BASIS_LIMITS)
+        if not is_whole:
+            return _Unsolved.LONG
+        rows = [p.to_dict() for p in basis.autoreduction(groebner=True)]  # pyright: ignore[reportAttributeAccessIssue]
+        leading = {max(row, key=_order): row for row in rows}
+        n = context.nvars()
+        if any(not any(sum(m) == m[i] for m in leading) for i in range(n)):
+            return _Unsolved.INFINITE
+        monomials = _standard(leading, n)
+        if len(monomials) > SOLUTION_LIMIT:
+            return _Unsolved.LONG
+        place = {m: k for k, m in enumerate(monomials)}
+        size = len(monomials)
+        known = {m: [flint.fmpq(int(k == place[m])) for k in range(size)] for m in monomials}
+        border = {_times(m, i) for m in monomials for i in range(n)} - set(monomials)
+        # Faugere, Gianni, Lazard and Mora (1993): in the order of the basis what a monomial reduces to is known.
+        for m in sorted(border, key=_order):
+            if m in leading:
+                row, top = leading[m], flint.fmpq(leading[m][m])
+                known[m] = [-flint.fmpq(row.get(b, 0)) / top for b in monomials]
+                continue
+            i = next(
+                i for i in range(n) if m[i] and _times(m, i, -1) in known and _times(m, i, -1) not in place
+            )
+            known[m] = [flint.fmpq(0)] * size
+            for c, b in zip(known[_times(m, i, -1)], monomials):
+                if c != 0:
+                    known[m] = [old + c * new for old, new in zip(known[m], known[_times(b, i)])]
+        return cls(
+            monomials,
+            [
+                flint.fmpq_mat(size, size, [known[_times(m, i)][k] for k in range(size) for m in monomials])
+                for i in range(n)
+            ],
+        )
+
+    def graph(self, form: flint.fmpq_mat, own: Sequence[int]) -> list[flint.fmpq_poly] | None:
+        """The generators `own` as polynomials in that by which `form` multiplies; None when it does not separate the
+        points."""
+        size = len(self.monomials)
+        one = flint.fmpq_mat(size, 1, [int(not any(m)) for m in self.monomials])
+        powers = [one]
+        for _ in range(size - 1):
+            powers.append(form * powers[-1])
+        matrix = flint.fmpq_mat(size, size, [power[k, 0] for k in range(size) for power in powers])
+        if matrix.rank() < size:
+            return None
+        solved = [matrix.solve(self.by[i] * one) for i in own]
+        return [flint.fmpq_poly([column[k, 0] for k in range(size)]) for column in solved]
+
+
+def _order(exponents: Sequence[int]) -> tuple:
+    return sum(exponents), tuple(-e for e in reversed(exponents))
+
+
+def _times(exponents: tuple[int, ...], i: int, power: int = 1) -> tuple[int, ...]:
+    return tuple(e + power * (k == i) for k, e in enumerate(exponents))
+
+
+def _standard(leading: Iterable[tuple[int, ...]], n: int) -> list[tuple[int, ...]]:
+    """Monomials that are divisible by none of the leading ones, one more than `SOLUTION_LIMIT` at most."""
+    found, level = [], {(0,) * n}
+    while level and len(found) <= SOLUTION_LIMIT:
         level = {m for m in level if not any(all(a <= b for a, b in zip(lead, m)) for lead in leading)}
-        count += len(level)
-        level = {tuple(e + (i == j) for j, e in enumerate(m)) for m in level for i in range(size)}
-    return count > SOLUTION_LIMIT
+        found += sorted(level, key=_order)
+        level = {_times(m, i) for m in level for i in range(n)}
+    return found
 
 
-def _forms(symbols: Sequence[sp.Symbol]) -> Iterator[sp.Expr]:
-    yield from symbols
+def _forms(count: int) -> Iterator[list[int]]:
+    for k in range(count):
+        yield [int(i == k) for i in range(count)]
     # Linear forms u + c s + c^2 a that are tried as separating elements after the coordinates.
     for c in (1, 2, 3, 5, 7):
-        yield sp.Add(*[(c**i) * s for i, s in enumerate(symbols)])
+        yield [c**i for i in range(count)]
 
 
-def _eliminant(exprs: Sequence[sp.Expr], symbols: Sequence[sp.Symbol], last: sp.Symbol) -> sp.Expr:
-    order = [s for s in symbols if s != last] + [last]
-    basis = sp.groebner(list(exprs), *order, order="grevlex", domain="QQ").fglm("lex")
-    return basis.exprs[-1]
-
-
-def _shape(
-    radical: Sequence[sp.Expr], everything: Sequence[sp.Symbol], symbols: Sequence[sp.Symbol], form: sp.Expr
-) -> list[AlgebraicPoint] | None:
-    """The points as polynomials in the value t of `form`; None when it does not separate them."""
+def _fields(eliminant: flint.fmpq_poly) -> Iterator[NumberField]:
+    """The fields of the real roots."""
     t = sp.Dummy("t")
-    basis = sp.groebner([*radical, t - form], *everything, t, order="grevlex", domain="QQ").fglm("lex")
-    eliminant = basis.exprs[-1]
-    if eliminant.free_symbols != {t}:
-        return None
-    graph: dict[sp.Symbol, sp.Poly] = {}
-    for expression in basis.exprs[:-1]:
-        for symbol in symbols:
-            if expression.has(symbol) and expression.free_symbols <= {symbol, t}:
-                polynomial = sp.Poly(expression, symbol)
-                if polynomial.degree() == 1 and polynomial.LC().is_Rational:
-                    graph[symbol] = sp.Poly(-polynomial.coeff_monomial(1) / polynomial.LC(), t, domain="QQ")
-    if set(graph) != set(symbols):
-        return None
-    points = []
-    for factor, _ in sp.factor_list(sp.Poly(eliminant, t, domain="QQ"))[1]:
+    whole = sp.Poly([rational(c) for c in reversed(eliminant.coeffs())], t, domain="QQ")
+    for factor, _ in sp.factor_list(whole)[1]:
         for root in sp.Poly(factor.as_expr(), t, domain="QQ").real_roots(radicals=factor.degree() <= 2):
-            field = NumberField(_fmpq_poly(factor.monic()), root)
             if root.is_Rational:
-                field = NumberField(flint.fmpq_poly([0, 1]) - flint.fmpq(int(root.p), int(root.q)), root)
-            points.append(AlgebraicPoint(field, {s: field.reduce(_fmpq_poly(p)) for s, p in graph.items()}))
-    return [AlgebraicPoint(p.field, {s: p.values[s] for s in symbols}) for p in points]
+                yield NumberField(flint.fmpq_poly([0, 1]) - flint.fmpq(int(root.p), int(root.q)), root)
+            else:
+                yield NumberField(_fmpq_poly(factor.monic()), root)
 
 
 def _fmpq_poly(polynomial: sp.Poly) -> flint.fmpq_poly:

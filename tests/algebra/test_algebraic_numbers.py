@@ -98,6 +98,20 @@ def test_sixteen_solutions_of_two_equations_are_counted_and_seventeen_are_too_ma
     assert real_points([x**17 - x, y - x**2], [x, y]) is None
 
 
+def test_folds_of_a_calcium_pump_are_too_many_and_that_takes_no_minutes() -> None:
+    """They have 19 complex ones; a Groebner basis of them and of what is not a pole was not found in ten minutes."""
+    release = R(1, 50) + 8 * x**2 / ((x**2 + R(49, 100)) * (1 + 8 * x**3))
+    rate = release * (R(27, 5) * (y - x) - x) - R(9, 10) * x**2 / (x**2 + R(1, 100))
+    assert real_points([rate, sp.diff(rate, x)], [x, y]) is None
+
+
+def test_zeros_at_poles_are_left_out_where_they_fill_a_curve() -> None:
+    # Both numerators vanish where x = y, which is a pole of the first.
+    assert [
+        p.numbers() for p in real_points([(x - y) * (x - 2) / (x - y) ** 2, (x - y) * (y - 3)], [x, y])
+    ] == [{x: 2.0, y: 3.0}]
+
+
 @pytest.mark.parametrize("coefficients", [[3], [1, 1], [-3, 2], [0, flint.fmpq(2, 7)]])
 @pytest.mark.parametrize("field", [FIELD, CUBIC])
 def test_a_number_times_its_inverse_is_one(field: NumberField, coefficients: list) -> None:
