@@ -40,7 +40,7 @@ def critical_rate(found: CriticalRate, axes: Axes, *, name: str | None = None, t
     tips_below = found.slow_tips != bool(threshold % 2)
     runs = [(found.run(rate * factor), factor) for factor in (1 / BESIDE, BESIDE)]
     middle = found.run(rate)
-    moves = np.ptp(middle.x, axis=0) > 1e-9 * np.abs(middle.x).max(axis=0)
+    moves = np.ptp(middle.x, axis=0) > 1e-9 * np.abs(middle.x - found.ramped.centre.x).max(axis=0)
     state = states[int(np.argmax(moves))] if name is None else name
     check_among(state, states, "name is that of a state.", "They are")
     # Beyond the edge state rounding alone decides where the orbit on the threshold goes.
@@ -77,11 +77,12 @@ def critical_rate(found: CriticalRate, axes: Axes, *, name: str | None = None, t
 
 def _rest(found: CriticalRate, run: RampRun, state: str, which: int) -> np.ndarray:
     """A state at the rest point of the start, or of the edge, over the phases of a run; NaN where that is lost."""
-    assert found.end is not None
-    first, last = found.ramped.ends
-    way = found.ramped.followed(found.end, first) if which else found.ramped.followed(found.begin, last)
+    own, centre = found.about_centres, found.ramped.centre
+    assert own.end is not None
+    first, last = own.ramped.ends
+    way = own.ramped.followed(own.end, first) if which else own.ramped.followed(own.begin, last)
     i = [x.name for x in found.ramped.field.states].index(state)
-    s, x = np.array([p.s for p in way]), np.array([p.x[i] for p in way])
+    s, x = np.array([p.s for p in way]) + centre.s, np.array([p.x[i] for p in way]) + centre.x[i]
     order = np.argsort(s)
     outside = (run.phase < s.min()) | (run.phase > s.max())
     near = np.abs(run.phase - np.clip(run.phase, s.min(), s.max())) <= 1e-3 * abs(last - first)

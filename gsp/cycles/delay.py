@@ -149,7 +149,13 @@ def delay_field(exit: DelayedExit) -> DelayField:
     beside = {y: sheet + y}
     f = f.xreplace(beside)
     rate = (g + system.epsilon * h).xreplace(beside) - system.epsilon * sp.diff(sheet, x) * f
-    k = sp.cancel(rate / y)
+    # Multiplied out about the origin, a slow variable that is far from it would lose what enclosures know of its terms.
+    c = system.centres.get(x, sp.S.Zero)
+
+    def divided_out(expression: sp.Expr) -> sp.Expr:
+        return sp.cancel(expression.xreplace({x: x + c})).xreplace({x: x - c})
+
+    k = divided_out(rate / y)
     if sp.denom(k).xreplace({y: sp.S.Zero}) == 0:
         raise NoOutline("the sheet is not seen to be invariant exactly")
-    return DelayField((x, y, system.epsilon), sp.cancel(f) if f.is_rational_function() else f, k)
+    return DelayField((x, y, system.epsilon), divided_out(f) if f.is_rational_function() else f, k)

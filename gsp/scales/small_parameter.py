@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.errors import BudgetError, DeclarationError, Status
 from gsp.results.card import Card
 from gsp.results.table import Names
@@ -36,9 +37,11 @@ class SmallParameter(Portable, Card):
     error: float | None = None
 
     @classmethod
-    def of(cls, critical: CriticalPiece, chosen: Iterable[sp.Symbol]) -> SmallParameter:
-        """The small parameter of a critical manifold at the value where those `chosen` vanish."""
-        original = critical.whole.field
+    def of(cls, original: VectorField, critical: CriticalPiece, chosen: Iterable[sp.Symbol]) -> SmallParameter:
+        """The small parameter of a critical manifold at the value where those `chosen` vanish.
+
+        `critical` is about the centres of the rates of `original`.
+        """
         vanishing = tuple(p.name for p in chosen)
         return cls(
             original=original,
@@ -48,14 +51,23 @@ class SmallParameter(Portable, Card):
         )
 
     @cached_property
+    def _centres(self) -> Mapping[sp.Symbol, sp.Rational]:
+        return centres(self.original.rates, self.original.states)
+
+    def _here(self, expression: sp.Expr) -> sp.Expr:
+        """What is told about the centres, in the states themselves."""
+        return expression.xreplace({z: z - c for z, c in self._centres.items()})
+
+    @cached_property
     def manifold(self) -> tuple[sp.Eq, ...]:
         """The equations of the critical manifold."""
-        return tuple(sp.Eq(e, 0, evaluate=False) for e in self.critical.equations)
+        return tuple(sp.Eq(self._here(e), 0, evaluate=False) for e in self.critical.equations)
 
     @cached_property
     def attracts(self) -> bool | None:
         """Whether the manifold attracts wherever states are positive, and parameters have the signs of their values.
 
+        States that are far from the origin are counted from the centres of the field.
         True: everywhere there; False: nowhere; None: it depends, or signs of coefficients do not decide it, or there
         are more of them than the exact algebra forms.
         """
@@ -120,7 +132,9 @@ class SmallParameter(Portable, Card):
         """States on the manifold as functions of the others; None where it is implicit."""
         with self.critical.whole.ring.afresh(SHARE):
             graph = self.critical.graph
-        return None if graph is None else MappingProxyType(graph)
+        if graph is None:
+            return None
+        return MappingProxyType({z: self._here(e) + self._centres.get(z, 0) for z, e in graph.items()})
 
     @cached_property
     def reduced(self) -> Mapping[sp.Symbol, sp.Expr]:
@@ -132,7 +146,7 @@ class SmallParameter(Portable, Card):
         with self.critical.whole.ring.afresh(SHARE):
             rates = self.critical.reduction
         gone = self.critical.graph or {}
-        return MappingProxyType({z: rate for z, rate in rates.items() if z not in gone})
+        return MappingProxyType({z: self._here(rate) for z, rate in rates.items() if z not in gone})
 
     @property
     def reduced_field(self) -> VectorField:

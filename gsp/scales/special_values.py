@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.errors import BudgetError, DeclarationError, Status
 from gsp.scales.critical_piece import CriticalPiece
 from gsp.scales.polynomial_field import PolynomialField, Ray
@@ -57,7 +58,8 @@ def small_parameters(
         )
     n = len(field.states)
     fast_counts = _dimensions(dimensions, n)
-    whole = PolynomialField(field)
+    # About their centres states that are amounts are positive, as signs are asked for.
+    whole = PolynomialField(field.about(centres(field.rates, field.states)))
     free, forced = _choices(whole, vanishing, kept)
     found: list[SmallParameter] = []
     if not fast_counts:
@@ -81,7 +83,8 @@ def small_parameters(
                 progress(max(looked / total, 1.0 - left / BUDGET))
             ray = Ray(whole, chosen)
             if ray.is_special:
-                found += _at(whole, ray, chosen, fast_counts, count, skipped, large)
+                pieces = _at(whole, ray, chosen, fast_counts, count, skipped, large)
+                found += [SmallParameter.of(field, critical, chosen) for critical in pieces]
             elif ray.order > 1:
                 steep.append(chosen)
             looked += 1
@@ -113,7 +116,7 @@ def _at(
     count: Callable[[int], None],
     skipped: list[tuple[sp.Symbol, ...]],
     large: list[tuple[sp.Symbol, ...]],
-) -> list[SmallParameter]:
+) -> list[CriticalPiece]:
     """What there is where those `chosen` vanish; they go to `skipped` or `large` for each piece that was not solved."""
     n = len(whole.field.states)
     # What the layer moves is fast, and is what had better be left out.
@@ -135,7 +138,7 @@ def _at(
             before = whole.ring.spent
             try:
                 if critical.is_hyperbolic and critical.is_in_domain:
-                    found.append(SmallParameter.of(critical, chosen))
+                    found.append(critical)
             except BudgetError:
                 large.append(chosen)
             # Products of terms that take the time of one of these.

@@ -45,9 +45,8 @@ def take_scaling(scene: Scene, *, scaling: Scaling) -> Scene:
     for new, e in scaling.states.items():
         (old, *others) = e.free_symbols - {mu, *scene.system.parameters}
         if not others and old.name in scene.region:
-            low, high = scene.region[old.name]
-            unit = scene.epsilon ** float(scaling.exponents[new])
-            region[new.name] = (low / unit, high / unit)
+            ends = (e.xreplace({**values, old: exact(end)}) for end in scene.region[old.name])
+            region[new.name] = tuple(map(float, ends))
     return replace(
         scene,
         system=scaling.field,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.algebra.elimination_over_rationals import generic_point, independent_rows, numbers_at
 from gsp.algebra.factorisation import factored
 from gsp.algebra.inversion import solve_for
@@ -71,8 +72,8 @@ def scalings(field: VectorField) -> tuple[Scaling, ...]:
 
     `field` has a small parameter mu, in poles of any order. Each suggestion has a simple pole, and an invertible linear
     part of the fast rates by the fast variables; it is a distinguished limit, of whose leading terms no other has all
-    and more. Empty where no small exponents give one. States within a function are not scaled. Raises
-    `DeclarationError` for a field without a small parameter.
+    and more. Empty where no small exponents give one. States that are far from the origin are scaled about their
+    centres, those within a function are not scaled. Raises `DeclarationError` for a field without a small parameter.
 
     >>> x, v, mu = sp.symbols("x v mu")
     >>> scalings(VectorField({x: v, v: -x/mu**2 - v/mu**2}, epsilon=mu))[0]
@@ -92,12 +93,34 @@ def scalings(field: VectorField) -> tuple[Scaling, ...]:
 def _found(field: VectorField) -> tuple[Scaling, ...]:
     """The scalings in the states as they are; where there are none, with stiff forms in place of some."""
     assert field.epsilon is not None
-    for changed in _coordinates(field):
+    here = centres(field.rates, field.states)
+    own = field.about(here)
+    for changed in _coordinates(own):
         terms = _Terms.of(changed, field.epsilon)
-        found = () if terms is None else tuple(_scaled(field, changed, terms))
+        found = () if terms is None else tuple(_scaled(own, changed, terms))
         if found:
-            return found
+            return tuple(_back_from(here, each, field) for each in found)
     return ()
+
+
+def _back_from(here: Mapping[sp.Symbol, sp.Rational], scaling: Scaling, field: VectorField) -> Scaling:
+    """The scaling of the `field` itself, where this is that about its centres; what is not scaled is as it was."""
+    if not here:
+        return scaling
+    made, counted = scaling.field, {z: z - c for z, c in here.items()}
+    inverse = {z: e.xreplace(counted) + here.get(z, 0) for z, e in scaling.inverse.items()}
+    observables = {o: inverse.get(o, e.xreplace(counted)) for o, e in made.observables.items()}
+    equations = {z: e.xreplace(counted) for z, e in made.equations.items()}
+    states = {new: e if new == e else e.xreplace(counted) for new, e in scaling.states.items()}
+    return replace(
+        scaling,
+        original=field,
+        field=VectorField(
+            equations, epsilon=made.epsilon, parameters=made.parameters, name=made.name, observables=observables
+        ),
+        states=MappingProxyType(states),
+        inverse=MappingProxyType(inverse),
+    )
 
 
 class _Coordinates(NamedTuple):

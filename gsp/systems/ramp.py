@@ -108,6 +108,13 @@ class Ramp(Card):
             moved[p] = begin + by * (e - begin)
         return type(self)(moved, self.profile, self.ends, self.phase)
 
+    def about(self, centre: sp.Expr) -> Self:
+        """The same with its phase counted from `centre`."""
+        there, (first, last) = {self.phase: self.phase + centre}, self.ends
+        moved = {p: e.xreplace(there) for p, e in self.parameters.items()}
+        ends = first - centre, None if last is None else last - centre
+        return type(self)(moved, self.profile.xreplace(there), ends, self.phase)
+
     def along(self, field: VectorField) -> VectorField:
         """`field` with the phase in place of the parameters that move: a parameter, whose value is the first end.
 

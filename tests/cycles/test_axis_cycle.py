@@ -45,6 +45,18 @@ def test_a_predator_without_prey_comes_back(orbit: gsp.SingularOrbit) -> None:
     assert found.plot().patches
 
 
+def test_predators_counted_from_1000_come_back_as_well(orbit: gsp.SingularOrbit) -> None:
+    moved = {y: y - 1000, x: x + 1000}
+    near = rosenzweig_macarthur()
+    far = system(near.slow[y].xreplace(moved), near.fast[x].xreplace(moved))
+    there, here = (
+        gsp.certify(one, epsilon=0.005).existence for one in (orbit_of(far, 0.7 - 1000, 0.2 + 1000), orbit)
+    )
+    assert there is not None
+    assert here is not None
+    assert there.turn.period == pytest.approx(here.turn.period, rel=0.02)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("small", np.geomspace(1e-8, 0.02, 10).tolist())
 def test_a_cycle_computed_in_34_digits_is_within_what_is_proved(orbit: gsp.SingularOrbit, small: float) -> None:

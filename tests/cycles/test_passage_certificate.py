@@ -234,6 +234,20 @@ def _left(certificate: gsp.PassageCertificate, small: float, side: float) -> flo
         at, log = at + h, min(after, 0.0)
 
 
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_a_delay_far_from_the_origin_is_proved_as_one_at_it(far: int, tmp_path: Path) -> None:
+    """Multiplied out about the origin its slow rate did not keep its sign over any box."""
+    found = system(
+        (1 + y / 2 + x * y / 5).xreplace({y: y - far}), (x * (y + y**2 / 4) + x**2 / 3).xreplace({y: y - far})
+    )
+    start = {"y": far - 0.5}
+    sheet = gsp.solve_critical(found).nearest({"x": 0, **start})
+    delay = gsp.certify(gsp.entry_exit(sheet, start=start), epsilon=0.005)
+    assert delay.verdict is gsp.ProofVerdict.PROVED
+    delay.save(tmp_path / "p.json")
+    assert verify(tmp_path / "p.json").as_dict()["epsilon"] == 0.005
+
+
 def test_a_delay_asks_for_its_epsilon() -> None:
     found, start, (u, v) = DELAYS["linear"]
     exit = gsp.entry_exit(gsp.solve_critical(found).nearest({"x": u, "y": v}), start={"y": start})

@@ -301,3 +301,28 @@ def test_configurations_of_small_and_large_parameters_of_an_enzyme(
     counts = [any(map(useful, pieces)) for pieces in found.values()]
     single = [len(pieces) == 1 and useful(pieces[0]) for pieces in found.values()]
     assert (len(found), sum(counts), sum(single)) == (configurations, moving, alone)
+
+
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_amounts_counted_from_elsewhere_are_as_positive(far: int) -> None:
+    """The enzyme's with k2: where it is small c = 0 had no positive points, or was undecided."""
+    s, c, e0, k1, k, k2 = sp.symbols("s c e0 k1 k k2")
+    near = VectorField(
+        {s: -k1 * e0 * s + (k1 * s + k) * c, c: k1 * e0 * s - (k1 * s + k + k2) * c},
+        parameters={e0: sp.Rational(1, 50), k1: 1, k: sp.Rational(1, 2), k2: sp.Rational(1, 2)},
+    )
+    less, more = {s: s - far, c: c - far}, {s: s + far, c: c + far}
+    moved = VectorField({z: e.xreplace(less) for z, e in near.equations.items()}, parameters=near.parameters)
+    pairs = list(zip(small_parameters(moved), small_parameters(near), strict=True))
+    assert any(here.attracts and here.is_positive for _, here in pairs)
+    for there, here in pairs:
+        assert (there.vanishing, there.attracts, there.is_positive) == (
+            here.vanishing, here.attracts, here.is_positive
+        )  # fmt: skip
+        for one, other in zip(there.manifold, here.manifold, strict=True):
+            assert sp.expand(one.lhs.xreplace(more) - other.lhs) == 0
+        if here.graph is not None and there.graph is not None:
+            for z, e in there.graph.items():
+                assert sp.simplify(e.xreplace(more) - far - here.graph[z]) == 0
+            for z, e in there.reduced.items():
+                assert sp.simplify(e.xreplace(more) - here.reduced[z]) == 0

@@ -12,6 +12,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.singular.singularities.canard_matching import match_canard
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canard_value import CanardValue, canard_value
+from gsp.singular.singularities.fold_starts import fold_starts
 from gsp.singular.singularities.located_points import polish
 
 x, y, a, eps = sp.symbols("x y a epsilon")
@@ -452,3 +453,20 @@ def test_a_switch_at_the_canard_point_is_named() -> None:
         CanardError, match=r"not smooth at .*, where sign\(x - 1\) switches: there is no expansion"
     ):
         canard_value(gated, parameter=a, order=2, near={"x": 1})
+
+
+def test_a_fold_far_away_makes_no_curve_of_points_near_by() -> None:
+    """x = (y + exp(-y))/(1 + y/20) folds where x = -2e10 too; shooting between Radau's runs ends at 0.0534394047."""
+    sheet = x * (1 + y / 20) - sp.exp(-y) - y
+    found = gsp.canard_value(
+        gsp.SlowFastSystem(slow={x: a - y * sp.exp(y / 5)}, fast={y: sheet}, epsilon=eps, parameters={a: 0}),
+        parameter=a, order=4,
+    )  # fmt: skip
+    series = sum(float(c) * 0.002**k for k, c in enumerate(found.coefficients))
+    assert series == pytest.approx(0.05343940468, abs=1e-10)
+
+
+def test_no_fold_is_looked_for_at_a_pole_of_the_sheet() -> None:
+    """X = (y + exp(-y))/(1 + y/10) has its pole where one of the places is that are tried; its folds are two."""
+    found = list(fold_starts(x * (1 + y / 10) - sp.exp(-y) - y, x, y, a, 0.0))
+    assert sorted(v for _, v, _ in found) == pytest.approx([-10.999833, 0.1047916], rel=1e-6)

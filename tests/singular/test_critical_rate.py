@@ -326,3 +326,32 @@ def test_the_rate_of_a_level_does_not_depend_on_the_units_of_the_states(unit_x: 
         return gsp.critical_rate(field, ramp=ramp, start={"X": 0, "Y": 0}, edge=level, epsilon=0.05).rate
 
     assert rate(sp.Rational(unit_x), sp.Rational(unit_y)) == pytest.approx(3.92920200395, rel=1e-10)
+
+
+@pytest.mark.parametrize("far", [10**6, -(10**6)])
+def test_a_ramp_far_from_the_origin_has_the_same_rate(far: int) -> None:
+    """Its state, its parameter and both; the error is that of the ramp at the origin."""
+    near = parabola(1, 3)
+    for states, moved in ((far, 0), (0, far), (-far, far)):
+        field = gsp.VectorField({x: (x - states + l - moved) ** 2 - 1}, epsilon=None, parameters={l: moved})
+        found = gsp.critical_rate(
+            field, ramp={l: (l - moved) * (3 + moved - l)},
+            start={"x": states - 1, "l": moved}, edge={"x": states - 2, "l": moved + 3},
+        )  # fmt: skip
+        assert found.rate == pytest.approx(near.rate, rel=1e-13)
+        assert found.error is not None
+        assert found.error < 1e-12
+        assert found.start == {"x": states - 1, "l": moved}
+        run = found.run(0.9 * found.rate)
+        assert [run["x"][0], run["x"][-1]] == pytest.approx([states - 1, states - 4], abs=1e-3)
+        assert found.connections[0].phase[[0, -1]] == pytest.approx([moved, moved + 3], rel=1e-15)
+    assert f"x = {states - 1}" in str(found)
+
+
+def test_a_state_ten_units_away_has_an_error_that_holds() -> None:
+    """The formula is 4/3; what rounding of x does to it was left out."""
+    far = gsp.VectorField({x: (x + l - 10) ** 2 - 1}, epsilon=None, parameters={l: 0})
+    found = gsp.critical_rate(far, ramp={l: l * (3 - l)}, start={"x": 9, "l": 0}, edge={"x": 8, "l": 3})
+    assert found.rate is not None
+    assert found.error is not None
+    assert abs(found.rate - 4 / 3) <= found.error < 1e-12

@@ -342,3 +342,37 @@ def test_a_ramp_to_a_level_is_run_at_any_rate() -> None:
     assert [run["x"].max() > 1 for run in runs] == [False, True]
     rest = brentq(lambda v: v - v**3 / 3 - (v + 0.7) / 0.8 + 0.3, -1.5, -0.5)
     assert [run["x"][-1] for run in runs] == pytest.approx([rest, rest], abs=1e-3)
+
+
+def beside(end: float, far: int = 0) -> gsp.CriticalRate:
+    """A parabola that is coupled to another state, with its parameter `far` from 0, along r l (end - l)/2."""
+    moved = l - far
+    field = gsp.VectorField(
+        {x: (x + moved) ** 2 - 1 + y / 5, y: -y + (x + moved) / 4}, epsilon=None, parameters={l: far}
+    )
+    return gsp.critical_rate(
+        field, ramp={l: moved * (sp.nsimplify(end) - moved) / 2}, start={"x": -1, "y": -0.3, "l": far},
+        edge={"x": 1 - end, "y": 0.25, "l": far + end},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("end", [3.1, 2.7])
+def test_a_profile_that_vanishes_at_a_decimal_rests_there(end: float) -> None:
+    """The same ramp as `Ramp.logistic` makes, whose rate counts twice."""
+    found, field = beside(end), beside(end).ramped.source
+    assert isinstance(field, gsp.VectorField)
+    whole = gsp.critical_rate(
+        field, ramp=Ramp.logistic({l: (0, end)}), start={"x": -1, "y": -0.3}, edge={"x": 1 - end, "y": 0.25}
+    )
+    assert found.verdict is TippingVerdict.ABOVE
+    assert found.rates == (pytest.approx(2 * whole.rates[0], rel=1e-12),)
+
+
+def test_a_parameter_far_from_0_has_the_same_rate() -> None:
+    """Its start was no rest point at 10**6, and at -10**6 windows were told."""
+    near = beside(3)
+    assert near.verdict is TippingVerdict.ABOVE
+    for far in (10**6, -(10**6)):
+        found = beside(3, far)
+        assert found.verdict is near.verdict
+        assert found.rates == pytest.approx(near.rates, rel=1e-12)

@@ -12,7 +12,7 @@ import gsp
 from gsp.singular.ramps.critical_rate import TippingVerdict
 from gsp.singular.ramps.ramped import RampError
 from gsp.singular.singularities.folded_singularities import FoldedKind
-from gsp.systems.ramp import Ramp
+from gsp.systems.ramp import PHASE, Ramp
 
 x, l, T, C, air, eps = sp.symbols("x l T C T_a epsilon")  # noqa: E741
 FOLD = gsp.VectorField({x: x**2 + l - 1}, epsilon=None, parameters={l: 0})
@@ -173,3 +173,40 @@ def test_a_canard_from_rest_is_singled_out_of_two_variables_alone() -> None:
 def test_there_is_nothing_to_start_from_where_no_ramp_tips() -> None:
     with pytest.raises(RampError, match="no threshold to start from"):
         gsp.slow_ramp(over(0.5))
+
+
+def test_canards_far_from_the_origin_have_the_same_series() -> None:
+    """The folded singularity, x = 1/2, is told where it is."""
+    far = -(10**6)
+    moved = {x: x - far, y: y - far}
+    system = gsp.SlowFastSystem(
+        slow={y: -x + far}, fast={x: EXCITABLE.fast[x].xreplace(moved)}, epsilon=eps, parameters={l: 0}
+    )
+    ramp = Ramp.tanh({l: (0, sp.Rational(1, 2))})
+    found = gsp.critical_rate(system, ramp=ramp, start={"x": far, "y": far}, edge={"x": far + 5}, epsilon=0.01)
+    series = gsp.slow_ramp(found, order=2)
+    # Those about the origin.
+    assert series.coefficients == pytest.approx([2.88409303, 13.8650416, 90.08976], rel=1e-6)
+    assert series.singularity is not None
+    assert series.singularity["x"] == pytest.approx(far + 0.5, abs=1e-9)
+    point = {s: sp.nsimplify(series.singularity[s.name]) for s in (x, y, PHASE)}
+    assert abs(series.singularity.system.fast[x].xreplace(point)) < 1e-9
+
+
+def test_a_ramp_that_loses_nothing_on_the_way_has_no_canard() -> None:
+    """Every amplitude has a smooth orbit on the branch of the start, and so has none: 0 was told, and 3.65."""
+    far = 10**6
+    field = gsp.VectorField({x: (x - far + l) ** 2 - 1}, epsilon=None, parameters={l: 0})
+    two = gsp.VectorField({x: (x + l) ** 2 - 1 + y / 5, y: -y + (x + l) / 4}, epsilon=None, parameters={l: 0})
+    found = [
+        gsp.critical_rate(
+            field, ramp=Ramp.linear_with_ends({l: (0, 3)}), start={"x": far - 1}, edge={"x": far - 2}
+        ),
+        gsp.critical_rate(
+            two.with_parameters(l=0), ramp=Ramp.tanh({l: (0, 3)}), start={"x": -1, "y": -0.3},
+            edge={"x": -2, "y": 0.25},
+        ),
+    ]  # fmt: skip
+    for each in found:
+        with pytest.raises(RampError, match="no smooth orbit was reached"):
+            gsp.slow_ramp(each)

@@ -219,3 +219,28 @@ def test_what_is_watched_of_mu_is_watched_of_the_square_of_its_root() -> None:
 def test_a_field_without_a_small_parameter_is_refused() -> None:
     with pytest.raises(DeclarationError, match="no small parameter whose powers"):
         gsp.scalings(gsp.VectorField({x: -x}))
+
+
+@pytest.mark.parametrize("far", [1000, -(10**6)])
+def test_states_far_from_the_origin_are_scaled_about_where_they_are(far: int) -> None:
+    """Products of three states that are small about `far`, whose limits are others about the origin."""
+    near = gsp.VectorField(
+        {s: -s * c / mu + 2 * u, c: -s * c / mu**2 + u / mu**2, u: s * c / mu - u}, epsilon=mu
+    )
+    moved = {z: z - far for z in near.states}
+    given = gsp.VectorField({z: e.xreplace(moved) for z, e in near.equations.items()}, epsilon=mu)
+    found = gsp.scalings(given)
+    assert [(each.exponents, each.time, each.power) for each in found] == [
+        (each.exponents, each.time, each.power) for each in gsp.scalings(near)
+    ]
+    for each in found:
+        rates = {z: e.xreplace(dict(each.inverse)) for z, e in given.equations.items()}
+        for new, e in each.states.items():
+            slope = sum(sp.diff(e, z) * rates[z] for z in given.states) * mu**each.time
+            assert sp.expand(slope.xreplace(dict(each.inverse)) - each.field.equations[new]) == 0
+            assert sp.expand(e.xreplace(dict(each.inverse)) - new) == 0
+    place = {"s": far + 1.0, "c": far + 2.0, "u": far + 0.5}
+    region = dict.fromkeys(place, (far, far + 2))
+    made = gsp.take_scaling(gsp.Scene(given, region, place, (0, 1), 0.1), scaling=found[0])
+    assert made.start == pytest.approx({"s_scaled": 10.0, "c_scaled": 0.2, "u": far + 0.5})
+    assert made.region["s_scaled"] == pytest.approx((0.0, 20.0))

@@ -144,8 +144,10 @@ def _solved(
         size = float(np.abs(x).max() + abs(x_1 - x_0))
         x, moved = x - step[:-1], rate - step[-1]
         rate = float(np.clip(moved, rate / FACTOR, FACTOR * rate))
-        # What rounding of the terms of (1) does to r.
-        terms = np.concatenate([[0.0], np.abs(rate * rho * slope) + np.abs(f), [0.0]])
+        # What rounding of the terms of (1) does to r, and of x in them.
+        lengths = per_unit * (np.abs(slopes) @ np.abs(x))
+        inside = np.abs(rate * rho * lengths) + np.abs(f) + np.abs(f_x * (values @ x))
+        terms = np.concatenate([[abs(x_0)], inside, [abs(x_1)]])
         rounding = float(np.abs(inverse[-1]) @ terms) * ROUNDING / rate
         if np.abs(step[:-1]).max() <= 1e-9 * size and abs(step[-1]) <= max(1e-9, rounding) * rate:
             return rate, x, rounding

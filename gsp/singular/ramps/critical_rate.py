@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
@@ -18,10 +18,10 @@ from gsp.singular.ramps import level, one_state, section
 from gsp.singular.ramps.connection import Connection
 from gsp.singular.ramps.moving_frame import moving_frame
 from gsp.singular.ramps.ramp_run import RampRun, run_ramp
-from gsp.singular.ramps.ramped import Place, Ramped, RampError
-from gsp.systems.arguments import check_noun, check_number, shown
+from gsp.singular.ramps.ramped import Place, Ramped, RampError, at_epsilon
+from gsp.systems.arguments import check_noun, check_number
 from gsp.systems.declaration import equations_of, exact
-from gsp.systems.flow import Point, check_epsilon, in_words, values_by_name
+from gsp.systems.flow import Point, in_words, values_by_name
 from gsp.systems.ramp import Ramp
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -69,7 +69,7 @@ class CriticalRate(Drawn, Tabular):
     @cached_property
     def begin(self) -> Place:
         """Where the ramp starts."""
-        return Place(float(self.ramped.ramp.ends[0]), self._place(self.start))
+        return Place(self.ramped.first, self._place(self.start))
 
     @cached_property
     def end(self) -> Place | None:
@@ -79,26 +79,44 @@ class CriticalRate(Drawn, Tabular):
     def _place(self, values: Mapping[str, float]) -> np.ndarray:
         return np.array([values[x.name] for x in self.ramped.field.states])
 
+    @cached_property
+    def about_centres(self) -> CriticalRate:
+        """The same about the centres of what is `ramped`, its rest points those of Newton's method there."""
+        own, centre = self.ramped.about_centres, self.ramped.centre
+
+        def there(at: Place, s: float) -> Mapping[str, float]:
+            x = own.rest_point(at.x - centre.x, s)
+            return _named(own, Place(s, at.x - centre.x if x is None else x))
+
+        return replace(
+            self,
+            ramped=own,
+            start=there(self.begin, own.first),
+            edge=None if self.end is None else there(self.end, own.ends[1]),
+            connections=tuple(c._replace(phase=c.phase - centre.s, x=c.x - centre.x) for c in self.connections),
+        )
+
     def run(self, rate: float, *, after: float | None = None) -> RampRun:
         """The run along the ramp at that rate, and on for the time `after`.
 
         That is by default twelve of the edge state's, or, without one, of the rest point's to which the start leads.
         """
         check_number(rate, what="rate", be="a positive number", above=0.0)
-        last = self.ramped.ramp.ends[1]
-        if last is None:
+        if self.ramped.ramp.ends[1] is None:
             raise RampError(
                 "a ramp without end has no last state to run to.", "Integrate the field with its ramp."
             )
+        own = self.about_centres
+        given, begin = own.ramped, own.begin
         if after is None:
-            rest = self.end or self.ramped.followed(self.begin, self.ramped.ends[1])[-1]
-            if rest.s != self.ramped.ends[1]:
+            rest = own.end or given.followed(begin, given.ends[1])[-1]
+            if rest.s != given.ends[1]:
                 raise RampError(
                     "the rest point of the start is lost on the way, so that nothing says how long to run on.",
                     "Give the time beyond the ramp, after=...",
                 )
-            after = 12.0 / abs(float(self.ramped.growth(rest)[-1]))
-        return run_ramp(self.ramped, self.begin, rate, after=after)
+            after = 12.0 / abs(float(given.growth(rest)[-1]))
+        return run_ramp(given, begin, rate, after=after).moved_to(self.ramped)
 
     @property
     def has_chart(self) -> bool:
@@ -111,16 +129,16 @@ class CriticalRate(Drawn, Tabular):
         return self.errors[0] if self.errors else None
 
     def _listed(self, point: Mapping[str, float]) -> str:
-        first = float(self.ramped.ramp.ends[0])
+        first = self.ramped.first
         last = self.ramped.ends[1] if self.edge else first
         along = self.ramped.moved(np.linspace(first, last, 16))
         sizes = {name: np.abs(values).max() for name, values in along.items()}
-        told = []
+        told = {}
         for name, value in point.items():
             size = sizes.get(name, max(abs(at[name]) for at in (self.start, self.edge or self.start)))
             # Rounding of where the ramp leads, and of where the start is.
-            told.append(f"{name} = {0.0 if abs(value) <= 4.0 * np.finfo(float).eps * size else value:.6g}")
-        return ", ".join(told)
+            told[name] = 0.0 if abs(value) <= 4.0 * np.finfo(float).eps * size else value
+        return self.ramped.place(told)
 
     def __repr__(self) -> str:
         return f"CriticalRate({self.verdict}{''.join(f', {rate:.10g}' for rate in self.rates)})"
@@ -165,44 +183,58 @@ def critical_rate(
     CriticalRate(tips above the rate, 2.162032263)
     """
     check_noun(field, (VectorField, SlowFastSystem), verb="critical_rate")
-    given, begin, last = _declared(field, epsilon, ramp, start, edge)
-    x_0 = given.rest_point(begin.x, begin.s)
-    if x_0 is None or not (given.growth(begin := Place(begin.s, x_0)) < 0.0).all():
-        raise RampError(
-            f"start is no attracting rest point of {_equations(given)}.", got=in_words(_named(given, begin))
-        )
-    named = _named(given, begin)
-    if last is None:
+    asked, x_0, x_1 = _declared(field, epsilon, ramp, start, edge)
+    given, centre = asked.about_centres, asked.centre
+    begin = Place(given.first, x_0 - centre.x)
+    at_rest = given.rest_point(begin.x, begin.s)
+    if at_rest is None or not (given.growth(begin := Place(begin.s, at_rest)) < 0.0).all():
+        got = asked.place(_named(given, begin, centre.x))
+        raise RampError(f"start is no attracting rest point of {_equations(given)}.", got=got)
+    named = _named(given, begin, centre.x)
+
+    def answer(
+        verdict: TippingVerdict,
+        message: str,
+        *,
+        slow_tips: bool = False,
+        found: Sequence[Connection] = (),
+        edge: Mapping[str, float] | None = None,
+    ) -> CriticalRate:
+        rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
+        there = tuple(c._replace(phase=c.phase + centre.s, x=c.x + centre.x) for c in found)
+        return CriticalRate(verdict, rates, errors, there, named, edge, message, slow_tips, asked)
+
+    if x_1 is None:
         lost = moving_frame(given, begin)
         if lost is None:
-            text = "the rest point of the moving frame meets no other"
-            return CriticalRate(TippingVerdict.NEVER, (), (), (), named, None, text, False, given)
-        rates, errors = (lost.rate,), (lost.error,)
-        return CriticalRate(TippingVerdict.ABOVE, rates, errors, (), named, None, lost.message, False, given)
-    given.check_way(begin.x)
+            return answer(TippingVerdict.NEVER, "the rest point of the moving frame meets no other")
+        above = answer(TippingVerdict.ABOVE, lost.message)
+        return replace(above, rates=(lost.rate,), errors=(lost.error,))
+    asked.check_way(x_0)
+    last = Place(given.ends[1], x_1 - centre.x)
     way = given.followed(begin, last.s)
     if not np.isfinite(last.x).all():
         tips, found = _escapes(given, begin, way, last)
         verdict, message = _verdict(tips, len(found))
-        level_of = [(s, v) for s, v in zip(given.field.states, last.x) if np.isfinite(v)]
+        level_of = [(s, v) for s, v in zip(given.field.states, x_1) if np.isfinite(v)]
         message += f"; one tips that comes to {in_words(level_of)}"
-        rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
-        return CriticalRate(verdict, rates, errors, tuple(found), named, None, message, tips[0], given)
-    x_1 = given.rest_point(last.x, last.s)
-    saddle = None if x_1 is None else section.edge_at(given, Place(last.s, x_1))
+        return answer(verdict, message, slow_tips=tips[0], found=found)
+    at_rest = given.rest_point(last.x, last.s)
+    saddle = None if at_rest is None else section.edge_at(given, Place(last.s, at_rest))
     if saddle is None:
         if way[-1].s != last.s and len(begin.x) == 1:
             nothing = "there is no edge state where the ramp ends"
             if one_state.comes_back(given, way, last.s):
                 text = f"the branch of the start ends in a fold on the way, slow ramps come back to it, and {nothing}"
-                return CriticalRate(TippingVerdict.NEVER, (), (), (), named, None, text, False, given)
+                return answer(TippingVerdict.NEVER, text)
             text = f"the branch of the start ends in a fold on the way, and {nothing}"
-            return CriticalRate(TippingVerdict.ALWAYS, (), (), (), named, None, text, True, given)
+            return answer(TippingVerdict.ALWAYS, text, slow_tips=True)
         kind = "repelling rest point" if len(begin.x) == 1 else "rest point with one unstable direction"
         remedy = (
             "" if len(begin.x) == 1 else "Of an edge state that is a cycle name a level of one state beyond it."
         )
-        raise RampError(f"edge is no {kind} of {_equations(given)}.", remedy, got=in_words(_named(given, last)))
+        got = asked.place(_named(given, last, centre.x))
+        raise RampError(f"edge is no {kind} of {_equations(given)}.", remedy, got=got)
     if len(begin.x) == 1:
         (tips, found), unmatched = one_state.thresholds(given, way, saddle.place), ()
     else:
@@ -210,28 +242,11 @@ def critical_rate(
             text = (
                 "the rest point of the start does not attract where the ramp ends, so that every ramp leaves it"
             )
-            return CriticalRate(TippingVerdict.ALWAYS, (), (), (), named, None, text, True, given)
+            return answer(TippingVerdict.ALWAYS, text, slow_tips=True)
         tips, found, unmatched = section.thresholds(section.Passage(given, begin, saddle), way)
     verdict, message = _verdict(tips, len(found), unmatched)
-    rates, errors = tuple(c.rate for c in found), tuple(c.error for c in found)
-    ended = _named(given, saddle.place)
-    return CriticalRate(verdict, rates, errors, tuple(found), named, ended, message, tips[0], given)
-
-
-def at_epsilon(field: VectorField | SlowFastSystem, epsilon: float | None) -> VectorField:
-    """The field with the value of its small parameter put in."""
-    if (field.epsilon is None) != (epsilon is None):
-        fact = (
-            "has no epsilon, and a value is given" if field.epsilon is None else "has an epsilon, and no value"
-        )
-        raise DeclarationError(
-            f"epsilon: the field {fact}.", "Give both or neither.", got=shown(epsilon), value=epsilon
-        )
-    if field.epsilon is None and isinstance(field, VectorField):
-        return field
-    value = exact(check_epsilon(epsilon))  # pyright: ignore[reportArgumentType]
-    rates = {x: rate.xreplace({field.epsilon: value}) for x, rate in zip(field.states, field.rates)}
-    return VectorField(rates, epsilon=None, parameters=field.parameters, name=field.name)
+    ended = _named(given, saddle.place, centre.x)
+    return answer(verdict, message, slow_tips=tips[0], found=found, edge=ended)
 
 
 def _declared(
@@ -240,8 +255,8 @@ def _declared(
     ramp: Ramp | Mapping[sp.Symbol, sp.Expr],
     start: Point,
     edge: Point | None,
-) -> tuple[Ramped, Place, Place | None]:
-    """The field along the ramp, the place where it starts, and that of the edge state where there is one."""
+) -> tuple[Ramped, np.ndarray, np.ndarray | None]:
+    """The field along the ramp, the state where it starts, and the edge state where there is one."""
     field = at_epsilon(source, epsilon)
     names = [x.name for x in field.states]
     if isinstance(ramp, Ramp):
@@ -254,9 +269,10 @@ def _declared(
         ((moved, rho),) = profiles.items()
         begun = values_of(start, [*names, moved.name], "start")
         ended = None if edge is None else values_of(edge, [*names, moved.name], "edge")
-        last = None if ended is None else sp.Float(ended[-1], 17)
-        ramp = Ramp({moved: moved}, rho, (sp.Float(begun[-1], 17), last), phase=moved)
-    (first, last), n = ramp.ends, len(names)
+        # Where the profile of decimal numbers vanishes.
+        last = None if ended is None else exact(ended[-1])
+        ramp = Ramp({moved: moved}, rho, (exact(begun[-1]), last), phase=moved)
+    last, n = ramp.ends[1], len(names)
     if last is None and ended is not None:
         raise RampError(
             "the ramp has no end, and an edge state is given.", "Leave `edge` out, or give it an end."
@@ -269,8 +285,7 @@ def _declared(
             "Give it an end, and name the edge state there.",
             got=f"{n} states",
         )
-    end = None if ended is None else Place(float(last), np.array(ended[:n]))  # pyright: ignore[reportArgumentType]
-    return Ramped(ramp.along(field), ramp, source, epsilon), Place(float(first), np.array(begun[:n])), end
+    return Ramped(source, ramp, epsilon), np.array(begun[:n]), None if ended is None else np.array(ended[:n])
 
 
 def _edge(edge: Point, names: list[str]) -> list[float]:
@@ -307,9 +322,9 @@ def _equations(given: Ramped) -> str:
     return f"{', '.join(x.name for x in given.field.states)}' = f"
 
 
-def _named(given: Ramped, place: Place) -> Mapping[str, float]:
-    """The states there, and the parameters that move."""
-    named = {x.name: float(value) for x, value in zip(given.field.states, place.x)}
+def _named(given: Ramped, place: Place, centre: np.ndarray | float = 0.0) -> Mapping[str, float]:
+    """The states there, counted from a `centre` (n,), and the parameters that move."""
+    named = {x.name: float(value) for x, value in zip(given.field.states, place.x + centre)}
     p = {**given.field.parameters, given.ramp.phase: sp.Float(place.s, 17)}
     return MappingProxyType(
         {**named, **{q.name: float(e.xreplace(p)) for q, e in given.ramp.parameters.items()}}

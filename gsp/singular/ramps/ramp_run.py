@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
@@ -30,6 +30,11 @@ class RampRun(Card, Tabular):
     phase: np.ndarray
     x: np.ndarray
     status: Status
+
+    def moved_to(self, asked: Ramped) -> RampRun:
+        """The same as a run of `asked`, where this is one about its centres."""
+        s, x = asked.centre
+        return replace(self, ramped=asked, phase=self.phase + s, x=self.x + x)
 
     def __repr__(self) -> str:
         return f"RampRun(rate={self.rate:g}, t={self.t[0]:g}..{self.t[-1]:g}, {self.status.name})"
@@ -128,7 +133,7 @@ def run_ramp(
 
 
 def _units(given: Ramped, begin: Place, level: tuple[int, float]) -> np.ndarray:
-    """Powers of 2 (n,) in which the states are run to a level: that of its state, and of the others by what they do."""
+    """Powers of 2 (n,) in which the states are run to a level: the way of its state, and of the others what they do."""
     state, value = level
     found = balancing_units(given.at(begin.x, begin.s).f_x)
-    return powers_of_two(found / found[state] * (abs(value) or 1.0))
+    return powers_of_two(found / found[state] * (abs(value - begin.x[state]) or 1.0))

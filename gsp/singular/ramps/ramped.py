@@ -10,11 +10,15 @@ from typing import NamedTuple
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.centres import centres
 from gsp.algebra.differentiation import derivative, jacobian
-from gsp.errors import GspError
+from gsp.errors import DeclarationError, GspError
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
+from gsp.systems.arguments import shown
+from gsp.systems.declaration import exact
+from gsp.systems.flow import check_epsilon, in_words
 from gsp.systems.ramp import Ramp
-from gsp.systems.region import balancing_units
+from gsp.systems.region import balancing_units, digits_between
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # A branch is followed in steps, shares of the way, over which it hardly turns; it folds where they get as short as the
@@ -55,21 +59,55 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ramped:
-    """x' = f(x, s), s' = r rho(s): `field` holds the phase of `ramp` as a parameter.
+    """x' = f(x, s), s' = r rho(s): the `source` along its `ramp`, at `epsilon` where it has a small parameter."""
 
-    It was made of `source`, at `epsilon` where that has a small parameter.
-    """
-
-    field: VectorField
-    ramp: Ramp
     source: VectorField | SlowFastSystem
+    ramp: Ramp
     epsilon: float | None = None
+
+    @cached_property
+    def field(self) -> VectorField:
+        """f, with the phase of the ramp as a parameter."""
+        return self.ramp.along(at_epsilon(self.source, self.epsilon))
+
+    @cached_property
+    def centres(self) -> Mapping[sp.Symbol, sp.Rational]:
+        """Where those of the states and the phase are that are far from their origin, from where the ramp begins on."""
+        f, phase = [rate.xreplace(self.kept) for rate in self.field.rates], self.ramp.phase
+        begun = [rate.xreplace({phase: self.ramp.ends[0]}) for rate in f]
+        return centres((*f, *begun, self.ramp.profile.xreplace(self.kept)), (*self.field.states, phase))
+
+    @cached_property
+    def centre(self) -> Place:
+        """The `centres` as a place."""
+        s, *x = (float(self.centres.get(z, 0)) for z in (self.ramp.phase, *self.field.states))
+        return Place(s, np.array(x))
+
+    @cached_property
+    def about_centres(self) -> Ramped:
+        """The same about its `centres`."""
+        states = {z: c for z, c in self.centres.items() if z != self.ramp.phase}
+        ramp = self.ramp.about(self.centres.get(self.ramp.phase, sp.S.Zero))
+        return Ramped(self.source.about(states), ramp, self.epsilon)
+
+    def place(self, point: Mapping[str, float]) -> str:
+        """States and parameters that move, by name, as text: to six digits of how far they are from where they were."""
+        states = {x.name: point[x.name] for x in self.field.states if x.name in point}
+        moved = {name: value for name, value in point.items() if name not in states}
+        ends = [e for e in self.ramp.ends if e is not None]
+        along = self.moved(np.array(ends, dtype=float)) if moved else {}
+        digits = {name: digits_between((values.min(), values.max())) for name, values in along.items()}
+        return ", ".join(filter(None, (self.field.place(states), in_words(moved, more=digits))))
+
+    @property
+    def first(self) -> float:
+        """The end where the ramp begins."""
+        return float(self.ramp.ends[0])
 
     @cached_property
     def ends(self) -> tuple[float, float]:
         """The ends of a ramp that has both."""
-        first, last = self.ramp.ends
-        return float(first), float(last)  # pyright: ignore[reportArgumentType]
+        return self.first, float(self.ramp.ends[1])  # pyright: ignore[reportArgumentType]
 
     @cached_property
     def kept(self) -> Mapping[sp.Symbol, sp.Rational]:
@@ -180,8 +218,16 @@ class Ramped:
 
     @cached_property
     def _rests(self) -> list[bool]:
-        rho = self.ramp.profile.xreplace(self.kept)
-        return [bool(sp.simplify(rho.xreplace({self.ramp.phase: end})) == 0) for end in self.ramp.ends]
+        phase, rho = self.ramp.phase, self.ramp.profile.xreplace(self.kept)
+        rests = []
+        for end, s in zip(self.ramp.ends, self.ends):
+            value, slope = (
+                abs(float(e.xreplace({phase: sp.sympify(end, strict=True)})))
+                for e in (rho, derivative(rho, phase))
+            )
+            # As far as doubles tell where it vanishes, as at 1/3.
+            rests.append(value <= 4.0 * np.finfo(float).eps * slope * abs(s))
+        return rests
 
     def speed(self, x: np.ndarray) -> float:
         """The largest |rho| on the way."""
@@ -203,6 +249,22 @@ class Ramped:
         first, last = self.ends
         paces = self.paces(x)
         return (40.0 / min(paces) if paces else 0.0) + 16.0 * abs(last - first) / self.speed(x)
+
+
+def at_epsilon(field: VectorField | SlowFastSystem, epsilon: float | None) -> VectorField:
+    """The field with the value of its small parameter put in."""
+    if (field.epsilon is None) != (epsilon is None):
+        fact = (
+            "has no epsilon, and a value is given" if field.epsilon is None else "has an epsilon, and no value"
+        )
+        raise DeclarationError(
+            f"epsilon: the field {fact}.", "Give both or neither.", got=shown(epsilon), value=epsilon
+        )
+    if field.epsilon is None and isinstance(field, VectorField):
+        return field
+    value = exact(check_epsilon(epsilon))  # pyright: ignore[reportArgumentType]
+    rates = {x: rate.xreplace({field.epsilon: value}) for x, rate in zip(field.states, field.rates)}
+    return VectorField(rates, epsilon=None, parameters=field.parameters, name=field.name)
 
 
 def _determinant(matrix: np.ndarray) -> float:

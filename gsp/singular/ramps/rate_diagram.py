@@ -11,8 +11,8 @@ import sympy as sp
 
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
-from gsp.singular.ramps.critical_rate import CriticalRate, TippingVerdict, at_epsilon, critical_rate, values_of
-from gsp.singular.ramps.ramped import Place, Ramped, RampError
+from gsp.singular.ramps.critical_rate import CriticalRate, TippingVerdict, critical_rate, values_of
+from gsp.singular.ramps.ramped import Place, Ramped, RampError, at_epsilon
 from gsp.systems.arguments import check_noun, check_progress, check_whole
 from gsp.systems.flow import Point
 from gsp.systems.ramp import Ramp
@@ -137,26 +137,29 @@ def _edges(
     moved = Ramp(
         {p: a + phase * (b - a) for p, (a, b) in changes.items()}, sp.S.One, (sp.S.One, sp.Integer(2)), phase
     )
-    given = Ramped(moved.along(field), moved, field)
-    begun = np.array(values_of(edge, [x.name for x in field.states], "edge"))
+    asked = Ramped(field, moved)
+    given, centre = asked.about_centres, asked.centre
+    begun = np.array(values_of(edge, [x.name for x in field.states], "edge")) - centre.x
     known = {}
     for end in amplitudes:
-        place = given.rest_point(begun, 1.0)
+        place = given.rest_point(begun, given.first)
         way = (
             []
             if place is None
-            else given.followed(Place(1.0, place), end)
+            else given.followed(Place(given.first, place), end - centre.s)
             if end != 1.0
-            else [Place(1.0, place)]
+            else [Place(given.first, place)]
         )
-        known |= dict(way)
+        known |= {s + centre.s: x for s, x in way}
     places = sorted(known)
 
     def at(amplitude: float) -> dict[str, float] | None:
         if not places or not places[0] <= amplitude <= places[-1]:
             return None
         columns = np.array([known[s] for s in places]).T
-        x = given.rest_point(np.array([np.interp(amplitude, places, column) for column in columns]), amplitude)
-        return None if x is None else dict(zip((s.name for s in field.states), x))
+        x = given.rest_point(
+            np.array([np.interp(amplitude, places, column) for column in columns]), amplitude - centre.s
+        )
+        return None if x is None else dict(zip((s.name for s in field.states), x + centre.x))
 
     return at

@@ -30,7 +30,7 @@ from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.results.card import Card
 from gsp.singular.ramps.connection import nodes, places, refined
 from gsp.singular.ramps.critical_rate import CriticalRate
-from gsp.singular.ramps.ramped import RampError
+from gsp.singular.ramps.ramped import Ramped, RampError
 from gsp.singular.ramps.reduced_ramp import ReducedRamp, RestingLimit, along
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity, folded_singularity
 from gsp.systems.arguments import check_noun, check_whole
@@ -126,13 +126,14 @@ def slow_ramp(found: CriticalRate, *, order: int = 3, threshold: int = 0) -> Slo
             "there is no threshold to start from.", "Ask critical_rate of a slow ramp.", got=repr(found)
         )
     check_whole(threshold, what="threshold", most=len(found.connections) - 1)
-    resting = _resting(found, threshold)
+    own = found.about_centres
+    resting = _resting(own, threshold)
     if resting is not None and resting.singularity.kind is FoldedKind.SADDLE_NODE_I:
         number, small = found.rates[threshold], found.ramped.epsilon
         assert small is not None
         c, error = np.array([resting.q]), np.array([resting.error])
-        return SlowRamp(found, c, error, small, number, resting.singularity)
-    problem = _Problem(found, threshold, resting)
+        return SlowRamp(found, c, error, small, number, _moved_back(resting.singularity, found.ramped))
+    problem = _Problem(own, threshold, resting)
     here = problem.limit()
     if here is None:
         raise RampError(
@@ -141,7 +142,14 @@ def slow_ramp(found: CriticalRate, *, order: int = 3, threshold: int = 0) -> Slo
     coefficients = [problem.series(*here, order, order + more) for more in (MORE, MORE + 2)]
     errors = np.abs(coefficients[1] - coefficients[0])
     passed = problem.singularity(*here)
-    return SlowRamp(found, coefficients[1], errors, problem.small, problem.number, passed)
+    there = None if passed is None else _moved_back(passed, found.ramped)
+    return SlowRamp(found, coefficients[1], errors, problem.small, problem.number, there)
+
+
+def _moved_back(singularity: FoldedSingularity, asked: Ramped) -> FoldedSingularity:
+    """One about the centres of what was asked, where it is."""
+    system = singularity.system.about({z: -c for z, c in asked.centres.items()})
+    return singularity.moved_to(system, asked.centres)
 
 
 def _resting(found: CriticalRate, threshold: int) -> RestingLimit | None:
@@ -234,8 +242,19 @@ class _Problem:
             degree += 4
             here = self.at(refined(x, degree), q, 0.0)
             if here is not None and abs(here[1] - q) <= SETTLED * abs(q):
-                return here
+                return here if self.is_canard(*here) else None
         return None
+
+    def is_canard(self, x: np.ndarray, q: float) -> bool:
+        """Whether what is fast attracts where the limit begins, and does not where it ends.
+
+        Of a sheet that loses nothing every q has a smooth solution, and of a ramp that moves nothing, q = 0.
+        """
+        ends = np.column_stack([x[[0, -1]], np.zeros((2, self.n)), self.ends, [q, q]])
+        slopes = self.compiled(ends, [np.nan, 0.0])[:, self.n :].reshape(2, self.n, 2 * self.n + 1)
+        fast = [i for i in range(self.n) if i not in self.held]
+        growth = [np.linalg.eigvals(-J[np.ix_(fast, fast)]).real.max() for J in slopes]
+        return bool(growth[0] < 0.0 < growth[1])
 
     def singularity(self, x: np.ndarray, q: float) -> FoldedSingularity | None:
         """The folded singularity on the limit (k, n), of one fast and one slow variable."""

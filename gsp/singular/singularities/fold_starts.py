@@ -47,8 +47,9 @@ def _along(
     changed = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     found = roots(lambda v: function(v[:, None], [0.0])[:, 1], rows[changed], rows[changed + 1])
     for k, v, (u, left) in zip(changed, found, function(found[:, None], [0.0])):
-        # At a pole of X the sign changes through infinity.
-        if np.isfinite(u) and abs(left) <= abs(values[k : k + 2]).max():
+        # At a pole of X the sign changes through infinity; the next places to both sides may be next to it too.
+        beyond = np.abs(values[max(k - 1, 0)]), np.abs(values[min(k + 2, len(values) - 1)])
+        if np.isfinite(u) and abs(left) <= min(beyond):
             yield float(u), float(v)
 
 

@@ -88,6 +88,12 @@ class FoldedSingularity(Card):
         """The point in doubles."""
         return {name: float(value) for name, value in self.point.items()}
 
+    def moved_to(self, system: SlowFastSystem, centres: Mapping[sp.Symbol, sp.Expr]) -> FoldedSingularity:
+        """The same as one of `system`, where this is one about the `centres`."""
+        far = {s.name: c for s, c in centres.items()}
+        point = {name: value + far.get(name, 0) for name, value in self.point.items()}
+        return replace(self, system=system, point=MappingProxyType(point))
+
     def as_dict(self) -> dict[str, object]:
         """Its numbers in plain values."""
         return {
@@ -152,12 +158,9 @@ def folded_singularities(
             "Classify single ones with folded_singularity(system, near=...) of "
             "gsp.singular.singularities.folded_singularities.",
         )
-    if centres := {s.name: c for s, c in system.centres.items()}:
-        own = system.box_from_centres(box)
-        return tuple(
-            replace(found, system=system, point={n: v + centres.get(n, 0) for n, v in found.point.items()})
-            for found in folded_singularities(system.about_centres, region=own)
-        )
+    if system.centres:
+        own = folded_singularities(system.about_centres, region=system.box_from_centres(box))
+        return tuple(found.moved_to(system, system.centres) for found in own)
     sides = [box.get(name, (0.0, 1.0)) for name in names]
     units = np.array([high - low for low, high in sides])
 

@@ -160,11 +160,17 @@ def locate(
 
 
 def _null_direction(slopes: np.ndarray) -> np.ndarray | None:
-    """The unit vector that slopes (n, n) all but annihilate, whatever the equations' factors; None without one."""
-    sizes = np.abs(slopes).max(axis=1, keepdims=True)
-    values, directions = np.linalg.svd(slopes / np.where(sizes > 0.0, sizes, 1.0))[1:]
+    """The unit vector that slopes (n, n) all but annihilate, whatever the factors of equations and unknowns; None
+    without one."""
+    lengths = np.abs(slopes).max(axis=0)
+    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    sizes = np.abs(slopes / lengths).max(axis=1, keepdims=True)
+    values, directions = np.linalg.svd(slopes / lengths / np.where(sizes > 0.0, sizes, 1.0))[1:]
     # Where an eigenvalue vanishes Newton's method is off by the root of rounding.
-    return directions[-1] if values[-1] <= np.finfo(float).eps ** 0.5 * len(slopes) * values[0] else None
+    if values[-1] > np.finfo(float).eps ** 0.5 * len(slopes) * values[0]:
+        return None
+    found = directions[-1] / lengths
+    return found / np.linalg.norm(found)
 
 
 def _same(a: Located, b: Located, units: np.ndarray) -> bool:
