@@ -11,12 +11,13 @@ import argparse
 import multiprocessing
 import os
 import re
-import resource
 import sys
 import tempfile
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
+
+from tests.children import in_child
 
 FOLDER = Path(__file__).parent / "systems"
 VERBS = ("check", "expand", "folds", "choose", "report")
@@ -73,41 +74,33 @@ def run(system: str, verb: str, *options: str) -> Ending:
     """`gsp VERB SYSTEM` in a child of this process, which has loaded the libraries already."""
     import gsp.cli
 
+    def work() -> int:
+        try:
+            with files[0].open("w") as output, files[1].open("w") as errors:
+                os.dup2(output.fileno(), 1)
+                os.dup2(errors.fileno(), 2)
+                sys.argv = ["gsp", verb, str(FOLDER / f"{system}.toml"), *options]
+                # pytest and notebooks put their own objects there, which know nothing of the descriptors.
+                sys.stdout, sys.stderr = (os.fdopen(k, "w", buffering=1, closefd=False) for k in (1, 2))
+                status = 70
+                try:
+                    gsp.cli.main()
+                except SystemExit as end:
+                    status = int(end.code or 0)
+                sys.stdout.flush()
+                sys.stderr.flush()
+                return status
+        except BaseException:
+            files[1].write_text(files[1].read_text() + traceback.format_exc())
+            raise
+
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / name for name in ("output", "errors")]
         if verb == "report":
             options = (*options, "-o", str(Path(folder) / "report"))
-        child = os.fork()
-        if child == 0:
-            status = 70
-            try:
-                # One second more, so that the count of seconds says what happened and not the signal.
-                resource.setrlimit(resource.RLIMIT_CPU, (SECONDS + 1, SECONDS + 2))
-                with files[0].open("w") as output, files[1].open("w") as errors:
-                    os.dup2(output.fileno(), 1)
-                    os.dup2(errors.fileno(), 2)
-                    sys.argv = ["gsp", verb, str(FOLDER / f"{system}.toml"), *options]
-                    # pytest and notebooks put their own objects there, which know nothing of the descriptors.
-                    sys.stdout, sys.stderr = (os.fdopen(k, "w", buffering=1, closefd=False) for k in (1, 2))
-                    try:
-                        gsp.cli.main()
-                    except SystemExit as end:
-                        status = int(end.code or 0)
-                    sys.stdout.flush()
-                    sys.stderr.flush()
-            except BaseException:
-                files[1].write_text(files[1].read_text() + traceback.format_exc())
-            finally:
-                os._exit(status)
-        _, raw, usage = os.wait4(child, 0)
-        return Ending(
-            system,
-            verb,
-            os.waitstatus_to_exitcode(raw),
-            *(file.read_text(errors="replace") for file in files),
-            usage.ru_utime + usage.ru_stime,
-            usage.ru_maxrss * 1024,
-        )
+        status, seconds, memory = in_child(work, SECONDS)
+        said = (file.read_text(errors="replace") for file in files)
+        return Ending(system, verb, status, *said, seconds, memory)
 
 
 def _run(task: tuple[str, str]) -> Ending:

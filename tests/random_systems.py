@@ -7,9 +7,7 @@ time and memory, prints a line for each that is lost or refused, and ends with s
 from __future__ import annotations
 
 import argparse
-import os
 import random
-import resource
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -18,6 +16,8 @@ import sympy as sp
 
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
+from tests.children import in_child
+from tests.fuzz.run import check
 
 EPSILON = sp.Symbol("epsilon")
 SECONDS = 10
@@ -66,21 +66,6 @@ def random_scene(seed: int) -> Scene:
     )
 
 
-def checked(seed: int) -> str:
-    """What `gsp check` does with the scene: the verdict, or the refusal by its own error."""
-    from gsp.errors import GspError
-    from gsp.hyperbolicity.hyperbolicity import classify
-    from gsp.scenes.study import study_of
-
-    scene = random_scene(seed)
-    try:
-        study = study_of(scene)
-        verdict = classify(study.branch, region=study.region, epsilon=scene.epsilon)
-    except GspError as error:
-        return f"{REFUSED}{error}"
-    return f"{verdict.kind}"
-
-
 @dataclass(frozen=True)
 class Ending:
     """How the check of `seed` ended: `status` (negative: a signal), answer, CPU `seconds` and peak `memory`."""
@@ -113,30 +98,22 @@ class Ending:
 
 
 def run(seed: int) -> Ending:
-    """`checked(seed)` in a child of this process, which has loaded the libraries already."""
+    """What `gsp check` does with the scene of a seed, in a child of this process."""
+
+    def work() -> int:
+        try:
+            answer.write(check(random_scene(seed)))
+        except BaseException as error:
+            answer.write(f"{type(error).__name__}: {error}")
+            raise
+        finally:
+            answer.flush()
+        return 0
+
     with tempfile.TemporaryFile("w+") as answer:
-        child = os.fork()
-        if child == 0:
-            status = 70
-            try:
-                # One second more, so that the count of seconds says what happened and not the signal.
-                resource.setrlimit(resource.RLIMIT_CPU, (SECONDS + 1, SECONDS + 2))
-                answer.write(checked(seed))
-                status = 0
-            except BaseException as error:
-                answer.write(f"{type(error).__name__}: {error}")
-            finally:
-                answer.flush()
-                os._exit(status)
-        _, raw, usage = os.wait4(child, 0)
+        status, seconds, memory = in_child(work, SECONDS)
         answer.seek(0)
-        return Ending(
-            seed,
-            os.waitstatus_to_exitcode(raw),
-            answer.read(),
-            usage.ru_utime + usage.ru_stime,
-            usage.ru_maxrss * 1024,
-        )
+        return Ending(seed, status, answer.read(), seconds, memory)
 
 
 def main(arguments: list[str]) -> int:
@@ -147,9 +124,6 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     if not options.first < options.last:
         parser.error(f"no seeds from {options.first} to {options.last}")
-
-    import gsp.hyperbolicity.hyperbolicity
-    import gsp.scenes.study  # noqa: F401  Loaded here, once, for all children.
 
     endings = []
     for seed in range(options.first, options.last):

@@ -143,19 +143,8 @@ def first_correction(name, share):
 BEYOND_THE_BUDGET = ("chay", "plant")
 
 
-SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
-"""An explicit branch with folds, a raw field, and an implicit branch with two fast variables."""
-
-
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name in SAMPLE else pytest.mark.exhaustive)
-        for name in systems()
-        if name not in BEYOND_THE_BUDGET
-    ],
-)
+@pytest.mark.parametrize("name", [name for name in systems() if name not in BEYOND_THE_BUDGET])
 def test_the_first_correction_is_the_one_of_its_definition(name):
     series = expand(study_of(load(FOLDER / f"{name}.toml")).branch, order=1, symbolic=False)
     for share in (0, 0.5):
@@ -166,7 +155,7 @@ def test_the_first_correction_is_the_one_of_its_definition(name):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", ["chay", "plant"])
+@pytest.mark.parametrize("name", BEYOND_THE_BUDGET)
 def test_where_the_series_is_a_program_it_and_the_points_of_the_manifold_show_the_first_correction(name):
     study = study_of(load(FOLDER / f"{name}.toml"))
     branch = study.branch

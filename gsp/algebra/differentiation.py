@@ -40,8 +40,6 @@ class _Power(sp.Function):
         return exponent * base ** (exponent - 1) if argindex == 1 else sp.log(base) * base**exponent
 
 
-# Functions that `fdiff` does not know.
-_BY_CASES = (sp.Piecewise, sp.re, sp.im, sp.arg, sp.conjugate)
 _OVER_THE_REALS: dict[Any, Any] = {sp.Abs: _Absolute, sp.sign: _Sign, sp.Heaviside: _Step, sp.Pow: _Power}
 
 

@@ -72,14 +72,6 @@ class FourierRing(LocalisedRing):
                 factor, c = factor * sp.Rational(c - 1, c), c - 2
         return (total - self.mean(total)).reduced()
 
-    def at_zero(self, a: RingElement) -> RingElement:
-        """The value at phase 0."""
-        total = self.zero
-        for s, _, part in self._powers_of(a):
-            if not s:
-                total = total + part
-        return total.reduced()
-
     def in_harmonics(self, a: RingElement, angle: sp.Expr) -> sp.Expr:
         """The element as a sum of cos k theta and sin k theta with `angle` for theta."""
         found: dict[tuple[bool, int], RingElement] = {}

@@ -199,14 +199,6 @@ class Sampler:
         n = len(self.system.y)
         return self._g_y(z, self.p).reshape(-1, n, n)
 
-    def second(self, z: np.ndarray) -> np.ndarray:
-        """d(g_y)/dz at `z` (m, n): (m, n_fast, n_fast, n)."""
-        n = len(self.system.y)
-        (i, j, k), values = self._second
-        found = np.zeros((len(z), n, n, z.shape[1]))
-        found[:, i, j, k] = values(z, self.p)
-        return found
-
     def bent(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
         """d(g_y v)/dz at points z (m, n) for vectors v (m, n_fast): (m, n_fast, n)."""
         (i, j, k), values = self._second

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsp.algebra.triangular_blocks import triangular_blocks
+
 # Rates below so many roundings of what they are made of are 0.
 ROUNDING = 64 * float(np.finfo(float).eps)
 
@@ -29,13 +31,12 @@ MOST_COUPLED = 12
 
 @dataclass(frozen=True, eq=False)
 class SlowMetric:
-    """Blocks `T` (n, n) of the metric, one for each of `parts`, the variables that drive one another; each part is
-    measured in units next to which those that drive it are 0, in the `order` in which they do.
+    """Blocks `T` (n, n) of the metric, one for each of `parts`, the variables that drive one another; no part drives an
+    earlier one, and each is measured in units next to which those that drive it are 0.
     """
 
     T: np.ndarray
     parts: tuple[np.ndarray, ...]
-    order: tuple[int, ...]
 
     def seen(self, A: np.ndarray) -> np.ndarray:
         """T A T^-1 (m, n, n) for `A` (m, n, n)."""
@@ -67,9 +68,8 @@ class SlowMetric:
         T, scale = self.T, np.ones(len(self.T))
         if not aim > 0.0:
             return T
-        for place, k in enumerate(self.order[1:], 1):
-            part = self.parts[k]
-            before = np.concatenate([self.parts[j] for j in self.order[:place]])
+        for place, part in enumerate(self.parts[1:], 1):
+            before = np.concatenate(self.parts[:place])
             back = np.linalg.inv(scale[before, None] * T[np.ix_(before, before)])
             drive = float(np.abs(T[np.ix_(part, part)] @ A[:, part][:, :, before] @ back).max())
             scale[part] = aim / drive if drive > 0.0 else 1.0
@@ -85,12 +85,13 @@ def least_metric(A: np.ndarray) -> SlowMetric:
     """The metric in which the largest rate over all of `A` (m, n, n), finite, is least, or nearly."""
     # Constant rates are the same everywhere.
     A, n = np.unique(A, axis=0), A.shape[1]
-    order, parts = _driven_last(A)
+    # Entry (i, k): variable k drives i.
+    parts = tuple(map(np.array, triangular_blocks((A != 0.0).any(axis=0))))
     T = np.eye(n)
     for part in parts:
         if len(part) > 1:
             T[np.ix_(part, part)] = _coupled(A[:, part][:, :, part])
-    return SlowMetric(T, tuple(parts), tuple(order))
+    return SlowMetric(T, parts)
 
 
 def _symmetric(B: np.ndarray) -> np.ndarray:
@@ -99,25 +100,6 @@ def _symmetric(B: np.ndarray) -> np.ndarray:
 
 def _rate_in(A: np.ndarray, T: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvalsh(_symmetric(T @ A @ np.linalg.inv(T)))).max())
-
-
-def _driven_last(A: np.ndarray) -> tuple[list[int], list[np.ndarray]]:
-    """(order, parts): variables that drive one another, and an order in which no part drives an earlier one."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    # Entry (i, k): variable k drives i.
-    drives = (A != 0.0).any(axis=0)
-    count, label = connected_components(csr_array(drives), connection="strong")
-    parts = [np.flatnonzero(label == k) for k in range(count)]
-    waiting = {k: set(label[drives[part].any(axis=0)]) - {k} for k, part in enumerate(parts)}
-    order: list[int] = []
-    while waiting:
-        ready = [k for k, drivers in waiting.items() if not drivers - set(order)]
-        order += ready
-        for k in ready:
-            del waiting[k]
-    return order, parts
 
 
 def _undriven(A: np.ndarray, parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -23,7 +23,6 @@ class FunctionBody:
 
 def body_of(
     language: Language,
-    model: ReducedModel,
     outputs: list[sp.Expr],
     names: Mapping[sp.Symbol, str],
     reserved: Iterable[str],
@@ -41,9 +40,9 @@ def bodies_of(
 ) -> tuple[tuple[FunctionBody, str], tuple[FunctionBody, str]]:
     """The bodies of the two functions of a text, rates and slow manifold, with what a comment says of each."""
     return (
-        (body_of(language, model, model.rates, names, reserved), heading("The rates of", model.states, names)),
+        (body_of(language, model.rates, names, reserved), heading("The rates of", model.states, names)),
         (
-            body_of(language, model, model.manifold, names, reserved),
+            body_of(language, model.manifold, names, reserved),
             heading("The slow manifold:", model.observed, names),
         ),
     )

@@ -67,7 +67,7 @@ def julia_text(model: ReducedModel) -> str:
 def ode_text(model: ReducedModel) -> str:
     """An .ode file of XPPAUT; what is no state is an auxiliary quantity."""
     names = renamed(model.symbols, reserved=XPPAUT_WORDS, longest=XPPAUT_NAME, cases=False)
-    body = body_of(XPPAUT, model, [*model.rates, *model.manifold], names, XPPAUT_WORDS)
+    body = body_of(XPPAUT, [*model.rates, *model.manifold], names, XPPAUT_WORDS)
     rates, manifold = body.results[: len(model.states)], body.results[len(model.states) :]
     lines = [f"par {names[s]}={value}" for s, value in values_of(model, with_epsilon=True)]
     lines += [f"{name}={text}" for name, text in body.steps]

@@ -108,7 +108,7 @@ def sbml_text(model: ReducedModel) -> str:
     """A model of parameters and rules; the notes hold what comments say elsewhere."""
     names = renamed(model.symbols, reserved=SBML_WORDS)
     outputs = [*model.rates, *model.manifold]
-    body = body_of(SBML, model, outputs, names, SBML_WORDS, printer=MathPrinter)
+    body = body_of(SBML, outputs, names, SBML_WORDS, printer=MathPrinter)
     rates, manifold = body.results[: len(model.states)], body.results[len(model.states) :]
     quantities = [_quantity(names[s], value) for s, value in values_of(model, with_epsilon=True)]
     quantities += [_quantity(names[s], repr(value), varies=True) for s, value in zip(model.states, model.start)]

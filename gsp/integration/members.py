@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.systems.arguments import check_array, shown
+from gsp.systems.arguments import check_array
 from gsp.systems.declaration import updated_parameters
-from gsp.systems.flow import Flow, Point, as_points, check_epsilon, values_by_name
+from gsp.systems.flow import Flow, Point, as_points, by_name, check_epsilon, values_by_name
 
 Column = ArrayLike
 """A number for all members, or one for each, (m,)."""
@@ -84,19 +84,8 @@ def _parameters(flow: Flow, parameters: Columns | None) -> dict[str, np.ndarray]
 
 
 def _columns(values: Columns, what: str) -> dict[str, np.ndarray]:
-    if not isinstance(values, Mapping):
-        raise DeclarationError(
-            f"{what} is a mapping of names to numbers or arrays.", got=shown(values), value=values
-        )
-    result: dict[str, np.ndarray] = {}
-    for key, value in values.items():
-        name = key.name if isinstance(key, sp.Symbol) else key
-        if not isinstance(name, str):
-            raise DeclarationError(f"{what} is keyed by names or symbols.", got=f"the key {key!r}", value=key)
-        if name in result:
-            raise DeclarationError(f'{what} gives "{name}" twice.', "Give each name one value.")
-        result[name] = _column(value, f"{what}[{name!r}]")
-    return result
+    pairs = by_name(values, what=what, of="numbers or arrays")
+    return {name: _column(value, f"{what}[{name!r}]") for name, value in pairs}
 
 
 def _column(value: Column, what: str) -> np.ndarray:

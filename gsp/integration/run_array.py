@@ -146,11 +146,6 @@ class Record(NamedTuple):
         """Method and counters by name."""
         return _stats(self)
 
-    @property
-    def attempts(self) -> int:
-        """Steps taken and rejected."""
-        return self.counters[integrator.STEPS] + self.counters[integrator.REJECTED]
-
     def without_dense(self) -> Record:
         """The same with nothing between the steps."""
         return self._replace(times=self.times.copy(), states=self.states.copy(), dense=self.dense[:0].copy())

@@ -115,11 +115,6 @@ def root_power(ball: arb, numerator: int, denominator: int) -> arb:
     return power(rising(lambda end: end.root(denominator), ball), numerator)
 
 
-def sqrt(ball: arb) -> arb:
-    """The square root; not finite when the ball reaches 0, where it is not smooth."""
-    return root_power(ball, 1, 2)
-
-
 def log(ball: arb) -> arb:
     """The logarithm; not finite when the ball reaches 0 or below."""
     return rising(arb.log, ball) if ball > 0 else UNDEFINED

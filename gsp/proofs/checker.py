@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 from gsp.proofs import intervals as ia
@@ -69,13 +68,6 @@ class Checked:
             f"at least {at_least(self.gap)} from the imaginary axis",
         ]
         return "\n".join(rows)
-
-
-def check(path: Path) -> Checked:
-    """Check the proof in a file; raises `Rejected` with the reason when it does not hold, OSError when it cannot
-    be read.
-    """
-    return checked(untrusted.read_json(path))
 
 
 def checked(read: Any) -> Checked:

@@ -71,7 +71,7 @@ class _SbmlReader(Quantities):
         self.read_stoichiometry()
         moving = [s for s in self.species if s in self.coefficients]
         laws = self.conservation_laws(moving)
-        self.name_values(moving, laws)
+        self.name_values(laws)
         self.write_reactions()
         for identifier, tree in self.assigned.items():
             self.assign(identifier, self.written.text(tree))
@@ -163,7 +163,7 @@ class _SbmlReader(Quantities):
 
     # Names of what is written.
 
-    def name_values(self, moving: list[str], laws: list[Law]) -> None:
+    def name_values(self, laws: list[Law]) -> None:
         """Choose which identifiers stand for themselves, and which for a definition."""
         for identifier in self.assigned:
             if self.mentioned[identifier] or identifier not in self.parameters:

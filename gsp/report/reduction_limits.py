@@ -28,7 +28,7 @@ def reduction_limits(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
         "passes": any(fold.passage is not None for fold in found.folds),
         "folded": [_folded(point, setter) for point in found.folded],
         "folded_reason": words(found.folded_reason.fact),
-        "orbit": _orbit(analysis, setter),
+        "orbit": _orbit(analysis),
         "proofs": [text for text in (_cycle(found.cycle, setter), _passage(found.passage, setter)) if text],
     }
 
@@ -119,7 +119,7 @@ def _folded(point: FoldedSingularity, setter: Typesetter) -> dict[str, Any]:
     }
 
 
-def _orbit(analysis: Analysis, setter: Typesetter) -> dict[str, Any] | None:
+def _orbit(analysis: Analysis) -> dict[str, Any] | None:
     """The singular orbit in a sentence, and its period as an equation when it closes."""
     found, small = analysis.boundary, analysis.scene.epsilon
     if not found.has_folds:

@@ -199,11 +199,6 @@ class Invariance:
     def _by_z(self) -> range:
         return range(self.n, self.n + self.m)
 
-    @property
-    def is_exact(self) -> bool:
-        """Whether nothing is left over at any order: y = h_n(x) is invariant."""
-        return all(e.is_zero for e in self._rho)
-
     # -- over balls --------------------------------------------------------------------------------
 
     @cached_property

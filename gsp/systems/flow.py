@@ -7,7 +7,7 @@ A flow is autonomous; a system that depends on time declares a state t with t' =
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from math import isfinite
 from types import MappingProxyType
@@ -192,11 +192,11 @@ def plain(point: Point, names: Collection[str]) -> tuple[float, ...] | None:
     return None
 
 
-def values_by_name(values: Point, *, what: str) -> dict[str, float]:
-    """Mapping with names for keys and finite floats for values; `what` names the argument in errors."""
+def by_name(values: object, *, what: str, of: str = "numbers") -> Iterator[tuple[str, Any]]:
+    """What a mapping has for each name, which is text or a symbol; `what` names the argument in errors."""
     if not isinstance(values, Mapping):
-        raise DeclarationError(f"{what} is a mapping of names to numbers.", got=shown(values), value=values)
-    result: dict[str, float] = {}
+        raise DeclarationError(f"{what} is a mapping of names to {of}.", got=shown(values), value=values)
+    seen: set[str] = set()
     for key, value in values.items():
         # Text first: it is the usual key, and isinstance with a class of SymPy's is slow.
         name = key if isinstance(key, str) else key.name if isinstance(key, sp.Symbol) else None
@@ -204,8 +204,16 @@ def values_by_name(values: Point, *, what: str) -> dict[str, float]:
             raise DeclarationError(
                 f"{what} is keyed by names or symbols.", got=f"the key {shown(key)}", value=key
             )
-        if name in result:
+        if name in seen:
             raise DeclarationError(f'{what} gives "{name}" twice.', "Give each name one value.")
+        seen.add(name)
+        yield name, value
+
+
+def values_by_name(values: Point, *, what: str) -> dict[str, float]:
+    """Mapping with names for keys and finite floats for values; `what` names the argument in errors."""
+    result: dict[str, float] = {}
+    for name, value in by_name(values, what=what):
         number = as_float(value)
         if not isfinite(number):
             if isinstance(value, (int, float, np.floating)) and not isinstance(value, bool):

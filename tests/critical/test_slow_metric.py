@@ -103,7 +103,7 @@ def test_parts_that_drive_one_another_in_turn_are_written_in_units_of_their_own(
     T = metric.written(A, least=least_rate)
     B = T @ A[0] @ np.linalg.inv(T)
     aim = 1e-6 * max(least_rate, float(metric.rates(A)[0]))
-    for place, k in enumerate(metric.order[1:], 1):
-        before = np.concatenate([metric.parts[j] for j in metric.order[:place]])
-        assert np.abs(B[np.ix_(metric.parts[k], before)]).max() == pytest.approx(aim, rel=1e-9)
+    for place, part in enumerate(metric.parts[1:], 1):
+        before = np.concatenate(metric.parts[:place])
+        assert np.abs(B[np.ix_(part, before)]).max() == pytest.approx(aim, rel=1e-9)
     assert np.abs(np.linalg.eigvalsh(B + B.T)).max() / 2 == pytest.approx(float(metric.rates(A)[0]), rel=1e-4)

@@ -469,27 +469,6 @@ def test_adjugate_and_determinant(n):
     assert coefficients == J.charpoly().all_coeffs()
 
 
-def test_the_test_functions_are_what_they_are_called():
-    system = systems.coupled()
-    branch = gsp.solve_critical(system).nearest({"x": 0.5, "y": 0.4, "z": 0.2})
-    validity = Validity(gsp.restrict(gsp.expand(branch, order=0)))
-    point = np.array([0.5, *branch.points({"x": 0.5}, near=[0.4, 0.2])])
-    delta, hurwitz, q, *_ = validity.tests(np.append(point, 0.0), [0.01])
-    J = validity.fast_jacobian(point)
-    values = np.linalg.eigvals(J)
-    assert delta == pytest.approx(np.linalg.det(J), rel=1e-13)
-    assert hurwitz == pytest.approx(-values.sum().real, rel=1e-13)
-    # d/dt of tr J^-1 along the flow of order 0, by a difference quotient.
-    flow = validity.desingularised
-    rates = compile_flow(flow).rates(np.append(point, 0.0), [np.nan])[:3] / delta
-
-    def inverse_trace(h: float) -> float:
-        return float(np.trace(np.linalg.inv(validity.fast_jacobian(point + h * rates))))
-
-    slope = (inverse_trace(1e-5) - inverse_trace(-1e-5)) / 2e-5
-    assert q == pytest.approx(abs(delta) ** 3 * (1 - 0.01 * abs(slope)), rel=1e-8)
-
-
 def test_a_loss_beyond_the_horizon_is_none():
     branch = gsp.solve_critical(systems.michaelis_menten()).branches[0]
     flow = gsp.restrict(gsp.expand(branch, order=0))

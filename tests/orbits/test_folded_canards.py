@@ -9,7 +9,6 @@ import sympy as sp
 import gsp
 from gsp.orbits.canard_orbits.canard import CanardKind
 from gsp.orbits.canard_orbits.canard_family import FamilyEnd
-from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbitError
 from gsp.orbits.canard_orbits.frame import frame_at
 from gsp.orbits.canard_orbits.node_units import in_own_units
@@ -76,32 +75,6 @@ def neuron() -> gsp.CanardOrbits:
         attracting={"h": -6},
         repelling={"v": 0},
     )
-
-
-# -- collocation -----------------------------------------------------------------------------------
-
-
-def test_collocation_with_five_gauss_points_is_of_order_ten() -> None:
-    system = gsp.SlowFastSystem(slow={x: z, z: -x}, fast={y: x - y}, epsilon=epsilon)
-    solver = Collocation(system)
-    time = 4.0
-
-    def error(elements: int) -> float:
-        def start(orbit: OrbitSegment) -> Conditions:
-            left, across = np.vstack([np.eye(3), np.zeros(3)]), np.array([[0.0], [0.0], [0.0], [1.0]])
-            wanted = np.append([1.0, 0.0, 0.5] - orbit.start, time - orbit.time)
-            return Conditions(left, np.zeros((4, 3)), across, wanted)
-
-        mesh = np.linspace(0.0, 1.0, elements + 1)
-        guess = OrbitSegment(mesh, np.ones((elements + 1, 3)), np.ones((elements, 5, 3)), time, 1.0)
-        orbit = solver.solve(guess, start)
-        assert orbit is not None
-        # y' = x - y from 1/2 with x = cos t.
-        exact = [np.cos(time), -np.sin(time), (np.cos(time) + np.sin(time)) / 2]
-        return float(np.abs(orbit.end - exact).max())
-
-    assert np.log2(error(1) / error(2)) == pytest.approx(10, abs=1.0)
-    assert np.log2(error(2) / error(4)) == pytest.approx(10, abs=0.5)
 
 
 # -- the normal form -------------------------------------------------------------------------------

@@ -13,7 +13,8 @@ import sympy as sp
 import gsp
 from gsp.errors import GspError, OutputError
 from gsp.proofs import untrusted
-from gsp.proofs.checker import Rejected, check
+from gsp.proofs.checker import Rejected
+from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
 from tests.proof_files import SCENES, changed, counted_products, number, written
 from tests.proofs.test_certify import branch, van_der_pol
@@ -30,7 +31,7 @@ def proof(tmp_path_factory: pytest.TempPathFactory) -> dict:
 def rejected(text: str, path: Path) -> str:
     path.write_text(text, encoding="utf-8")
     with pytest.raises(Rejected) as caught:
-        check(path)
+        verify(path)
     return str(caught.value)
 
 
@@ -162,14 +163,14 @@ def test_huge_expressions_are_refused_by_name(expression: str, words: str, proof
 def test_what_was_proved_is_accepted_and_a_lesser_claim_too(proof: dict, tmp_path: Path) -> None:
     path = tmp_path / "proof.json"
     path.write_text(json.dumps(proof), encoding="utf-8")
-    found = check(path)
+    found = verify(path)
     assert (found.stable, found.unstable) == (1, 0)
     assert found.gap > 0.5
     assert found.boxes == len(pieces(proof))
     proof = copy.deepcopy(proof)
     proof["claim"]["gap"] = (0.25).hex()
     path.write_text(json.dumps(proof), encoding="utf-8")
-    assert check(path).gap == 0.25
+    assert verify(path).gap == 0.25
 
 
 @pytest.mark.parametrize(
@@ -187,7 +188,7 @@ def test_what_was_proved_is_accepted_and_a_lesser_claim_too(proof: dict, tmp_pat
 def test_every_function_that_is_proved_is_checked(rate: sp.Expr, tmp_path: Path) -> None:
     path = tmp_path / "proof.json"
     certify(branch({y: x - rate * y}), region={"x": (-1, 1)}).save(path)
-    found = check(path)
+    found = verify(path)
     assert found.stable == 1
     values = [float(rate.subs(x, sp.Rational(k, 50)).evalf()) for k in range(-50, 51)]
     assert 0.3 * min(values) < found.gap <= min(values)
@@ -196,7 +197,7 @@ def test_every_function_that_is_proved_is_checked(rate: sp.Expr, tmp_path: Path)
 def test_two_fast_variables_are_checked(tmp_path: Path) -> None:
     path = tmp_path / "proof.json"
     certify(branch({y: -y + 2 * z + x, z: -2 * y - z}), region={"x": (-1, 1)}).save(path)
-    found = check(path)
+    found = verify(path)
     assert (found.stable, found.unstable) == (2, 0)
     assert 0.99 < found.gap <= 1.0
 
@@ -210,7 +211,7 @@ def test_the_proof_of_every_built_in_scene_is_accepted(name: str, tmp_path: Path
     assert found.rate_ratio >= 1.0
     assert found.tried < 50
     found.save(tmp_path / "proof.json")
-    checked = check(tmp_path / "proof.json")
+    checked = verify(tmp_path / "proof.json")
     assert (checked.stable, checked.unstable) == (found.stable, found.unstable)
     assert 0.49 * found.gap < checked.gap <= found.gap
 
@@ -232,7 +233,7 @@ def test_no_file_is_written_that_is_too_large_to_verify(
     size = (tmp_path / "proof.json").stat().st_size
     monkeypatch.setattr(untrusted, "MOST_BYTES", size)
     found.save(tmp_path / "again.json")
-    check(tmp_path / "again.json")
+    verify(tmp_path / "again.json")
     monkeypatch.setattr(untrusted, "MOST_BYTES", size - 1)
     with pytest.raises(GspError, match="bytes"):
         found.save(tmp_path / "large.json")
@@ -252,7 +253,7 @@ def test_a_box_of_two_fast_variables_is_checked_by_few_operations(
     path = tmp_path / "proof.json"
     certify(found_branch, region={"x": (-1, 1), "c": (-1, 1)}).save(path)
     calls = counted_products(monkeypatch)
-    found = check(path)
+    found = verify(path)
     assert found.boxes > 100
     assert (found.stable, found.unstable) == (1, 1)
     # 135; it was half as many again when every derivative was taken for every box and every glue.

@@ -157,7 +157,7 @@ def march(
                 seen.update(fresh)
         if fresh:
             frontier = np.vstack([frontier, np.array(sorted(set(fresh)))])
-    return _assembled(table, np.vstack(cells), np.vstack(crossed), np.vstack(weights), n, skipped, complete)
+    return _assembled(table, np.vstack(cells), np.vstack(crossed), np.vstack(weights), skipped, complete)
 
 
 def _crossings(
@@ -195,7 +195,6 @@ def _assembled(
     cells: np.ndarray,
     crossed: np.ndarray,
     weights: np.ndarray,
-    n: int,
     skipped: int,
     complete: bool,
 ) -> Mesh:

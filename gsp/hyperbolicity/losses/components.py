@@ -12,6 +12,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from sympy.utilities.iterables import connected_components
 
 from gsp.critical.layer_problem import least_norm_newton
 from gsp.critical.loss_kind import LossKind
@@ -142,13 +143,7 @@ def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
 
 def _parts(edges: list[tuple[int, int]], count: int) -> list[list[int]]:
     """What the edges join of `count` places, in the order of the first of each part."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    ends = np.array(edges, dtype=int).reshape(-1, 2).T
-    graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(count, count))
-    _, labels = connected_components(graph, directed=False)
-    return [np.flatnonzero(labels == label).tolist() for label in dict.fromkeys(labels.tolist())]
+    return sorted(map(sorted, connected_components((range(count), edges))))
 
 
 def _spanning_tree(points: np.ndarray) -> list[tuple[int, int, float]]:

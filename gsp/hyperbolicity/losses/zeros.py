@@ -116,7 +116,7 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
     w = np.linalg.solve(bordered(at.A, right, left), np.vstack([-at.g_x, np.zeros((1, nx))]))[:-1]
     kernel = np.vstack([np.append(np.zeros(nx), right), np.hstack([np.eye(nx), w.T])])
     form = np.einsum("i,ijk,aj,bk->ab", left, at.second, kernel, kernel)
-    V = _width(diagnosis, at.z, left, a, b, c, form)
+    V = _width(diagnosis, at.z, left, a, c, form)
     here = _SimpleZero(at, determinant, note, right, left, V)
     sizes = np.append(V, diagnosis.widths)
     scaled = form * sizes[:, None] * sizes
@@ -169,7 +169,7 @@ def _change(
 
 
 def _width(
-    diagnosis: Diagnosis, z: np.ndarray, left: np.ndarray, a: float, b: np.ndarray, c: float, form: np.ndarray
+    diagnosis: Diagnosis, z: np.ndarray, left: np.ndarray, a: float, c: float, form: np.ndarray
 ) -> float:
     """The size of v in the region: the branch's own, else its fast bounds', else where two terms balance."""
     moved = diagnosis.extent(z, left)

@@ -33,14 +33,6 @@ class RealArithmetic:
         """`value`, in every lane."""
         return constants(*[value] * self.width) if self.width else constant(value)
 
-    def negative(self, a: Any) -> Any:
-        """-a."""
-        return self.builder.fneg(a)
-
-    def add(self, a: Any, b: Any) -> Any:
-        """a + b."""
-        return self.builder.fadd(a, b)
-
     def multiply(self, a: Any, b: Any) -> Any:
         """a b."""
         return self.builder.fmul(a, b)
@@ -74,9 +66,6 @@ class ComplexArithmetic(RealArithmetic):
 
     def negative(self, a: Complex) -> Complex:
         return self.builder.fneg(a[0]), self.builder.fneg(a[1])
-
-    def add(self, a: Complex, b: Complex) -> Complex:
-        return self.builder.fadd(a[0], b[0]), self.builder.fadd(a[1], b[1])
 
     def multiply(self, a: Complex, b: Complex) -> Complex:
         return self.add_product(None, a, b)

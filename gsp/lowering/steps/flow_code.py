@@ -53,11 +53,6 @@ class FlowCode:
         return not any(rate.has(*NON_SMOOTH) for rate in self.rates)
 
     @cached_property
-    def operations(self) -> int:
-        """Operations in the rates, near enough; a function counts as one."""
-        return sum(int(sp.count_ops(rate)) for rate in self.rates)
-
-    @cached_property
     def elimination(self) -> Elimination:
         """How shift - J is decomposed."""
         return eliminate(len(self.states), self.jacobian)

@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 # r changes by at most this factor in one step.
 FACTOR = 4.0
@@ -51,20 +52,19 @@ def nodes(degree: int) -> np.ndarray:
     return -np.cos(np.pi * np.arange(degree + 1) / degree)
 
 
+def matrices(degree: int, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From values at the nodes of polynomials of degree N to values and to slopes at places `c` (k,): (k, N + 1)."""
+    at_nodes, on = (chebyshev.chebvander(at, degree) for at in (nodes(degree), c))
+    slopes = chebyshev.chebval(c, chebyshev.chebder(np.eye(degree + 1))).T
+    values, slopes = np.linalg.solve(at_nodes.T, np.hstack([on.T, slopes.T])).T.reshape(2, len(c), degree + 1)
+    return values, slopes
+
+
 @lru_cache(maxsize=8)
-def _grid(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Chebyshev nodes c (N + 1,), points s (N,) between them, and matrices to values and slopes there (N, N + 1)."""
-    j = np.arange(degree + 1)
-    c, s = nodes(degree), -np.cos(np.pi * (2 * j[:-1] + 1) / (2 * degree))
-    weights = np.where(j % 2, -1.0, 1.0)
-    weights[[0, -1]] /= 2.0
-    terms = weights / (s[:, None] - c)
-    values = terms / terms.sum(axis=1, keepdims=True)
-    apart = c[:, None] - c + np.eye(degree + 1)
-    slopes = weights / weights[:, None] / apart
-    np.fill_diagonal(slopes, 0.0)
-    np.fill_diagonal(slopes, -slopes.sum(axis=1))
-    return c, s, values, values @ slopes
+def _grid(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points s (N,) between the nodes, and the matrices to values and slopes there."""
+    s = -np.cos(np.pi * (2 * np.arange(degree) + 1) / (2 * degree))
+    return s, *matrices(degree, s)
 
 
 def connection(
@@ -109,20 +109,14 @@ def places(first: float, last: float, c: np.ndarray) -> np.ndarray:
 
 def refined(x: np.ndarray, degree: int) -> np.ndarray:
     """The polynomial with values x (k,) or (k, n) at the nodes of a lower degree, at those of `degree`."""
-    return _refinement(len(x) - 1, degree) @ x
-
-
-@lru_cache(maxsize=8)
-def _refinement(coarse: int, fine: int) -> np.ndarray:
-    to, on = (np.polynomial.chebyshev.chebvander(nodes(n), coarse) for n in (coarse, fine))
-    return np.linalg.solve(to.T, on.T).T
+    return matrices(len(x) - 1, nodes(degree))[0] @ x
 
 
 def _solved(
     rates: Rates, ends: RampEnds, rate: float, degree: int, x: np.ndarray
 ) -> tuple[float, np.ndarray, float] | None:
     """(r, x, relative rounding of r) by Newton's method."""
-    _, s, values, slopes = _grid(degree)
+    s, values, slopes = _grid(degree)
     (first, x_0), (last, x_1) = ends
     l, per_unit = places(first, last, s), 2.0 / (last - first)  # noqa: E741
     matrix = np.zeros((degree + 2, degree + 2))

@@ -28,7 +28,7 @@ from numpy.polynomial import chebyshev
 from gsp.algebra.differentiation import jacobian
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.results.card import Card
-from gsp.singular.ramps.connection import nodes, places, refined
+from gsp.singular.ramps.connection import matrices, nodes, places, refined
 from gsp.singular.ramps.critical_rate import CriticalRate
 from gsp.singular.ramps.ramped import Ramped, RampError
 from gsp.singular.ramps.reduced_ramp import ReducedRamp, RestingLimit, along
@@ -270,12 +270,8 @@ class _Problem:
         """The smooth solution at d, by Newton's method with least squares."""
         degree, m, n = len(x) - 1, len(x) + 1, self.n
         c = -np.cos(np.pi * (2 * np.arange(m) + 1) / (2 * m))
-        to = np.linalg.inv(chebyshev.chebvander(nodes(degree), degree))
-        values = chebyshev.chebvander(c, degree) @ to
-        per = 2.0 / (self.ends[1] - self.ends[0])
-        slopes = (
-            per * np.array([chebyshev.chebval(c, chebyshev.chebder(row)) for row in np.eye(degree + 1)]).T @ to
-        )
+        values, slopes = matrices(degree, c)
+        slopes *= 2.0 / (self.ends[1] - self.ends[0])
         s, before = places(*self.ends, c), np.inf
         for _ in range(40):
             place = np.column_stack([values @ x, slopes @ x, s, np.full(m, q)])

@@ -59,7 +59,8 @@ def solved(pattern: np.ndarray, jacobian: np.ndarray, shifts, b: np.ndarray) -> 
         if pattern[r, c]
     }
     for i in range(n):
-        entries[i, i] = arithmetic.add(entries[i, i], shift) if (i, i) in entries else shift
+        entry = entries.get((i, i))
+        entries[i, i] = shift if entry is None else tuple(map(builder.fadd, entry, shift))
     elimination = eliminate(n, zip(*np.nonzero(pattern)))
     factors, usable = factorise(arithmetic, entries, elimination)
     right = [(gathered(2 * lanes * (i + 1)), gathered(2 * lanes * (i + 1) + lanes)) for i in range(n)]
