@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError, SplittingError
 from gsp.splitting import splitting as splitting_module
-from gsp.splitting.splitting import Splitting, _vanishing_factors, split
+from gsp.splitting.splitting import Splitting, split
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, z, u, v, w, a, k, eps = sp.symbols("x y z u v w a k epsilon")
@@ -519,11 +519,6 @@ def test_where_an_integral_is_singular_the_change_of_coordinates_is_told_to_be(o
         f for e in wanted for f in (e, sp.expand(-e))
     }
     assert len(found.nonzero) == len(wanted)
-
-
-def test_only_factors_that_may_vanish_are_named() -> None:
-    determinant = -3 * x**2 * sp.exp(y) * (1 + x) * sp.Pow(k, -3)
-    assert set(_vanishing_factors(determinant)) == {x, 1 + x, k}
 
 
 def test_the_search_for_an_equilibrium_far_away_overflows_nothing() -> None:
