@@ -230,6 +230,8 @@ def test_the_verdict_counts_rates_between_slow_and_fast(tips, count, verdict) ->
     ("given", "error", "said"),
     [
         ({"start": {"x": 1, "l": 0}}, RampError, "no attracting rest point"),
+        # What was given, and not where Newton's method went from there.
+        ({"start": {"x": 5, "l": 0}}, RampError, r"no attracting rest point .* Got x = 5, l = 0\."),
         ({"edge": {"x": -4, "l": 3}}, RampError, "no repelling rest point"),
         ({"edge": {"x": -3, "l": 4}}, RampError, "does not lead"),
         ({"ramp": {l: l**2 * (3 - l)}}, RampError, "multiple zero"),

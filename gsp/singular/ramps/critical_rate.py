@@ -187,9 +187,10 @@ def critical_rate(
     given, centre = asked.about_centres, asked.centre
     begin = Place(given.first, x_0 - centre.x)
     at_rest = given.rest_point(begin.x, begin.s)
-    if at_rest is None or not (given.growth(begin := Place(begin.s, at_rest)) < 0.0).all():
+    if at_rest is None or not (given.growth(Place(begin.s, at_rest)) < 0.0).all():
         got = asked.place(_named(given, begin, centre.x))
         raise RampError(f"start is no attracting rest point of {_equations(given)}.", got=got)
+    begin = Place(begin.s, at_rest)
     named = _named(given, begin, centre.x)
 
     def answer(
