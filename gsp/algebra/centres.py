@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
@@ -73,7 +74,10 @@ class _Places:
         """
         singles = [(saved, s, step) for s in self.found for saved, step in self._steps(s)]
         if saving := [row for row in singles if row[0] > 0]:
-            _, symbol, step = max(saving, key=lambda row: (self._is_written(*row[1:]), row[0]))
+            # Of two that save as much the one that is written more often.
+            _, symbol, step = max(
+                saving, key=lambda row: (self._times(*row[1:]) > 0, row[0], self._times(*row[1:]))
+            )
             self._move(symbol, step)
             return True
         terms = self.terms
@@ -106,8 +110,9 @@ class _Places:
         for other in (symbol, *self._beside[symbol]):
             self._tried.pop(other, None)
 
-    def _is_written(self, symbol: sp.Symbol, step: flint.fmpq) -> bool:
-        return self.found[symbol] + step in self._written.get(symbol, ())
+    def _times(self, symbol: sp.Symbol, step: flint.fmpq) -> int:
+        """How often it is written that the symbol vanishes there."""
+        return self._written.get(symbol, {}).get(self.found[symbol] + step, 0)
 
     def _steps(self, symbol: sp.Symbol) -> list[tuple[int, flint.fmpq]]:
         """(terms and factors that it saves, step) for each step of `symbol` that is tried.
@@ -218,13 +223,15 @@ def _pieces(expressions: Sequence[sp.Expr]) -> Iterator[Piece]:
         waiting += [e for atom in found.atoms if not atom.is_Symbol for e in atom.args]
 
 
-def _zeros(expressions: Sequence[sp.Expr]) -> Mapping[sp.Symbol, set[flint.fmpq]]:
-    """-b/a of the sums a v + b in the expressions, by symbol v."""
-    found: dict[sp.Symbol, set[flint.fmpq]] = {}
-    for total in set().union(*(e.atoms(sp.Add) for e in expressions)):
+def _zeros(expressions: Sequence[sp.Expr]) -> Mapping[sp.Symbol, dict[flint.fmpq, int]]:
+    """-b/a of the sums a v + b in the expressions, by symbol v, and how often each is written."""
+    found: dict[sp.Symbol, dict[flint.fmpq, int]] = {}
+    sums = Counter(part for e in expressions for part in sp.preorder_traversal(e) if part.is_Add)
+    for total, count in sums.items():
         b, term = total.as_coeff_Add()
         a, v = term.as_coeff_Mul()
         if v.is_Symbol and a.is_Rational and b.is_Rational:
-            zero = -b / a
-            found.setdefault(v, set()).add(flint.fmpq(int(zero.p), int(zero.q)))
+            zero, times = -b / a, found.setdefault(v, {})
+            at = flint.fmpq(int(zero.p), int(zero.q))
+            times[at] = times.get(at, 0) + count
     return found

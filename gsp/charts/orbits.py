@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import sympy as sp
 from matplotlib.axes import Axes
 
+from gsp.algebra.differentiation import derivative
 from gsp.analysis.analysis import Analysis
 from gsp.charts.critical_lines import draw_critical_lines
 from gsp.charts.manifolds import slow_line
@@ -114,14 +116,20 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
 def _all_sheets(analysis: Analysis, box: np.ndarray) -> np.ndarray:
     """`box` made wide enough to show the other sheets of an implicit branch, and its folds."""
     branch = analysis.study.branch
-    width = box[0, 1] - box[0, 0]
+    system, (width, height) = branch.system, np.ptp(box, axis=1)
     slow = np.array([box[0, 0] - 0.3 * width, box[0, 1] + 0.1 * width])
-    middle, half_height = box[1].mean(), 5.0 * (box[1, 1] - box[1, 0])
-    bounds = {analysis.study.system.y[0].name: (middle - half_height, middle + half_height)}
-    places = np.linspace(slow[0], slow[1], 15)
-    found = [root for x in places for root in branch.roots(np.array([x]), bounds=bounds).ravel()]
-    fast = np.array([min([box[1, 0], *found]), max([box[1, 1], *found])])
-    return np.array([slow, fast])
+    bounds = {system.y[0].name: (box[1, 0] - 4.5 * height, box[1, 1] + 4.5 * height)}
+    slope = derivative(system.g[0].xreplace({system.epsilon: sp.S.Zero}), system.y[0])
+    heights = list(box[1])
+    for x in np.linspace(slow[0], slow[1], 15):
+        roots = np.sort(branch.roots(np.array([x]), bounds=bounds).ravel())
+        places = np.column_stack([np.full(len(roots), x), roots])
+        signs = np.sign(evaluate([slope], system, None, places)[:, 0]) if len(roots) else roots
+        # Beside one another are sheets that attract and repel in turn; beyond a pole no orbit comes.
+        parts = np.cumsum(np.append(0, signs[1:] == signs[:-1]))[: len(roots)]
+        own = parts[(roots >= box[1, 0]) & (roots <= box[1, 1])]
+        heights += roots[np.isin(parts, own)].tolist()
+    return np.array([slow, [min(heights), max(heights)]])
 
 
 @chart()

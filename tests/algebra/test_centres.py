@@ -41,6 +41,19 @@ def test_centres_are_the_same_in_other_units(rates: tuple[sp.Expr, ...]) -> None
     assert {s: c / units[s] for s, c in centres(in_units, symbols).items()} == centres(moved, symbols)
 
 
+def test_of_two_places_that_save_as_much_the_one_that_is_written_more_often_is_the_centre() -> None:
+    """A predator's prey comes as near to 0 as exp(-9), and the half of what is eaten to 1/4."""
+    u, v = x - 1000, y - 1000
+    eaten = u / (u + sp.Rational(1, 4))
+    assert centres(((1 - u) * u - eaten * v, v * (eaten - sp.Rational(1, 2))), symbols) == {x: 1000, y: 1000}
+
+
+def test_parts_of_a_rate_that_is_over_the_budget_are_looked_at() -> None:
+    parameters = sp.symbols("p0:6")
+    long = sp.prod([1 + p + (x - 1000) ** (k + 2) for k, p in enumerate(parameters)])
+    assert centres((sum(parameters) ** 6 / long - (y - 300), x - y), symbols)[x] == 1000
+
+
 def test_far_terms_do_not_make_a_centre_far_from_where_all_is_short() -> None:
     # (y + 1000/3)^3 has no square, and at y = 1 it cancels by a factor of 10,000.
     assert centres((x + 1000 * y**2 + y**3, 1 - y), symbols) == {}

@@ -550,3 +550,18 @@ def test_what_helps_to_draw_says_what_it_takes() -> None:
         charts.save(charts.trajectory(run), None)
     with pytest.raises(DeclarationError, match="There are png, pdf, svg"):
         charts.drawn(charts.trajectory(run), "xyz")
+
+
+def test_sheets_beyond_a_pole_do_not_make_a_portrait_wider() -> None:
+    """A sheet at y = -9, where no orbit comes to, took three quarters of the picture."""
+    x, y, epsilon = sp.symbols("x y epsilon")
+    rate = x - y + 5 / (y + sp.Rational(1, 2)) - y**3 / 100
+    scene = gsp.Scene(
+        gsp.SlowFastSystem(slow={x: -x}, fast={y: rate}, epsilon=epsilon),
+        region={"x": (0, 1), "y": (1, 4)},
+        start={"x": 1, "y": 2},
+        span=(0, 1),
+        epsilon=0.01,
+    )
+    axes = gsp.charts.phase_portrait(gsp.analyse(scene))
+    assert axes.get_ylim()[0] > -0.5
