@@ -55,7 +55,21 @@ class NumberField:
         return self.reduce(s * (1 / flint.fmpq(common[0])))
 
     def ball(self, a: flint.fmpq_poly, bits: int) -> flint.arb:
-        """An enclosure of the real number `a`, with about `bits` correct bits in theta."""
+        """An enclosure of the real number `a` with at least `bits` correct bits, whatever cancels in the sum."""
+        a = self.reduce(a)
+        if a.is_zero():
+            return flint.arb(0)
+        within = bits + 16
+        # The value is not 0, so that this ends.
+        while True:
+            with precision(within):
+                value = self._enclosed(a, within)
+            if value.rel_accuracy_bits() >= bits:
+                return value
+            within *= 2
+
+    def _enclosed(self, a: flint.fmpq_poly, bits: int) -> flint.arb:
+        """An enclosure of `a` from about `bits` correct bits of theta."""
         if a.degree() <= 0:
             return arb(rational(a[0]))
         digits = max(15, int(bits * 0.30103) + 5)
@@ -69,18 +83,8 @@ class NumberField:
 
     def sign(self, a: flint.fmpq_poly) -> int:
         """-1, 0 or 1, decided exactly."""
-        a = self.reduce(a)
-        if a.is_zero():
-            return 0
-        bits = 64
-        while True:
-            with precision(bits):
-                value = self.ball(a, bits)
-                if value > 0:
-                    return 1
-                if value < 0:
-                    return -1
-            bits *= 2
+        value = self.ball(a, 32)
+        return int(value > 0) - int(value < 0)
 
     def expression(self, a: flint.fmpq_poly) -> sp.Expr:
         """The element as a SymPy expression in theta."""
@@ -112,15 +116,15 @@ class AlgebraicPoint:
 
     def numbers(self) -> dict[sp.Symbol, float]:
         """The coordinates as floats, the same for equal ones in whatever field they are given."""
-        with precision(BITS):
-            return {symbol: float(self.field.ball(value, BITS).mid()) for symbol, value in self.values.items()}
+        return {symbol: float(self.field.ball(value, BITS).mid()) for symbol, value in self.values.items()}
 
     def near(self, bits: int) -> dict[sp.Symbol, sp.Rational]:
         """The coordinates as fractions, to about `bits` bits."""
         found = {}
         with precision(bits):
             for symbol, value in self.values.items():
-                mantissa, power = self.field.ball(value, bits).mid().man_exp()
+                rounded = 1 * self.field.ball(value, bits)
+                mantissa, power = rounded.mid().man_exp()
                 found[symbol] = sp.Rational(int(mantissa)) * sp.Integer(2) ** int(power)
         return found
 

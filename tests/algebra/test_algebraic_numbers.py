@@ -159,3 +159,20 @@ def test_a_rational_point_is_one_of_numbers() -> None:
     assert point.is_rational
     assert point.expressions() == {x: R(2, 3), y: -1}
     assert point.value((x + 1) * y / 5 - x**2) == flint.fmpq_poly([flint.fmpq(-7, 9)])
+
+
+def test_numbers_are_right_where_all_but_their_last_digits_cancel() -> None:
+    """Roots near 5 and near 953 belong to places 1e-6 apart: the middle of a ball half as wide as itself was taken."""
+    gain = y - R(213, 10000) * x**3 / (1 + x**2 / 25) ** 3
+    g = gain * x + R(11, 10000)
+    points = real_points([g, sp.diff(g, x)], [y, x])
+    assert points is not None
+    slope = sp.lambdify((y, x), sp.diff(g, x))
+    assert len(points) == 4
+    for point in points:
+        values = point.numbers()
+        assert {s: float(v) for s, v in point.near(100).items()} == pytest.approx(values, rel=1e-15)
+        assert slope(values[y], values[x]) == pytest.approx(0.0, abs=1e-15 * (1 + abs(values[y])))
+        assert {s: float(sp.N(e, 20)) for s, e in point.expressions().items()} == pytest.approx(
+            values, rel=1e-15
+        )

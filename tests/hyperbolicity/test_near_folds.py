@@ -12,8 +12,11 @@ from gsp import load, models
 from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followed
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.loss_kind import LossKind
+from gsp.critical.sampling import Sampler, grid
 from gsp.critical.sheet_continuation import SheetContinuation
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
+from gsp.hyperbolicity.losses.diagnosis import Diagnosis
+from gsp.hyperbolicity.losses.ends import sheet_ends
 from gsp.hyperbolicity.losses.locator import REFINED, SEARCH_STEPS, Locator
 from gsp.hyperbolicity.losses.shrinking import largest_sub_region
 from gsp.scenes.scene import Scene
@@ -211,3 +214,20 @@ def test_parts_over_which_the_sheet_ends_are_not_judged(monkeypatch) -> None:
     part = largest_sub_region(branch, region, found.losses, judge=lambda *a, **k: judged.append(k) or found)
     assert part is None
     assert not judged
+
+
+def test_folds_that_cut_off_a_corner_of_the_region_are_folds_up_to_its_edges() -> None:
+    """From where the sheet ends on an edge Newton's method came to the fold a little outside, and nothing was named."""
+    system = SlowFastSystem(
+        slow={u: -x, v: 1 - v}, fast={x: u * (1 + v / 3) + Q(17, 10) * v + x - x**3 / 3}, epsilon=eps
+    )
+    corner = (-2 / 3 + 0.85) / (1 - 0.5 / 3)
+    box = {"u": (corner - 1e-3, corner + 1.0), "v": (-0.5, 0.8)}
+    sampler = Sampler(sheet(system, {"u": corner + 1.0, "v": 0.5, "x": 2.2}))
+    samples, _ = sampler.points(grid(np.array(list(box.values())))[::16], box)
+    scale = float(np.abs(sampler.eigenvalues(samples)).max())
+    # As near to the fold as halvings of the way come.
+    low = np.array([corner + 1e-9, -0.5, 1.0 + 3e-5])
+    (loss,) = sheet_ends(Diagnosis(sampler, box, scale, samples), [(low, np.array([corner - 1e-9, -0.5]))])
+    assert loss.kind is LossKind.FOLD
+    assert dict(loss.point) == pytest.approx({"u": corner, "v": -0.5, "x": 1.0}, abs=1e-7)

@@ -17,7 +17,7 @@ from gsp.critical.sheet_points import EQUAL
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.consequences import LossConsequence
-from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
+from gsp.hyperbolicity.losses.diagnosis import EDGE, Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import ZERO_TOLERANCE, Locator
 
@@ -76,8 +76,12 @@ def sheet_ends(diagnosis: Diagnosis, pairs: Sequence[Pair]) -> list[Loss]:
 
 def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | None:
     """Where an eigenvalue vanishes next to the end of a sheet; None without such a place."""
-    locator.zeros(end[None, :], at_end=True)
     nx = diagnosis.nx
+    locator.zeros(end[None, :], at_end=True)
+    # From an end on an edge of the region Newton's method may come to its fold a little beyond, but not along the edge.
+    edges = np.array([diagnosis.box[s.name] for s in diagnosis.sampler.system.x])
+    held = (np.abs(edges - end[:nx, None]) <= EDGE * diagnosis.widths[:, None]).any(axis=1)
+    locator.zeros(end[None, :], at_end=True, held=np.flatnonzero(held))
     sizes = np.append(AT_END * diagnosis.widths, AT_END**0.5 * np.ptp(diagnosis.samples[:, nx:], axis=0))
     # An end may be the fold itself, to rounding.
     # An eigenvalue that creeps towards zero without ever being there is no smaller than this share at a zero of

@@ -7,7 +7,7 @@ losses too thin to lie between two samples of different type are met when the wo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -78,19 +78,24 @@ class Locator:
 
     # -- zero eigenvalues --------------------------------------------------------------------------
 
-    def zeros(self, samples: np.ndarray, *, at_end: bool = False) -> None:
-        """Zero eigenvalues on the branch next to `samples`; `at_end` when these are the ends of a sheet.
+    def zeros(
+        self, samples: np.ndarray, *, at_end: bool = False, held: Sequence[int] | np.ndarray = ()
+    ) -> None:
+        """Zero eigenvalues on the branch next to `samples`; `at_end` when these are the ends of a sheet. States of
+        the indices `held` keep their values.
 
         Along a sheet that all but ends at its sample no zero can be reached: whether it is the end's is for the caller.
         """
         sampler = self.sampler
         branch = sampler.branch
-        points = self._zero_eigenvalues(samples, branch.residual, branch.full_jacobian, self._branch_sizes)
+        points = self._zero_eigenvalues(
+            samples, branch.residual, branch.full_jacobian, self._branch_sizes, held
+        )
         if branch.is_explicit:
             # A graph such as sqrt(x) has no derivative at its fold, but g has.
             rest = [i for i, point in enumerate(points) if point is None]
             equations = sampler.equilibria, sampler.equilibria_jacobian, self._layer_sizes
-            for i, point in zip(rest, self._zero_eigenvalues(samples[rest], *equations)):
+            for i, point in zip(rest, self._zero_eigenvalues(samples[rest], *equations, held)):
                 points[i] = point
         for z, point in zip(samples, points):
             if point is None or self._is_known(point) or not sampler.inside(point[None], self.box)[0]:
@@ -99,7 +104,7 @@ class Locator:
                 self.add(point, Contact.ZERO)
 
     def _zero_eigenvalues(
-        self, samples: np.ndarray, equations, jacobian, sizes: np.ndarray
+        self, samples: np.ndarray, equations, jacobian, sizes: np.ndarray, held: Sequence[int] | np.ndarray
     ) -> list[np.ndarray | None]:
         """The zero eigenvalue on the branch next to each of the `samples` (m, n), or None."""
         sampler = self.sampler
@@ -121,6 +126,7 @@ class Locator:
             slope[:, ny : 2 * ny, :n] = sampler.bent(points, unit * v)
             slope[:, ny : 2 * ny, n:] = g_y
             slope[:, -1, n:] = 2.0 * v
+            slope[:, :, list(held)] = 0.0
             return value, slope
 
         # The matrices of thousands of states would fill the memory.
