@@ -13,7 +13,7 @@ import sympy as sp
 from matplotlib.figure import Figure
 
 import gsp
-from gsp.proofs.checker import check
+from gsp.proofs.verification import verify
 
 y, x, eps = sp.symbols("y x epsilon")
 system = gsp.SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=eps)
@@ -28,7 +28,7 @@ print(across)
 with tempfile.TemporaryDirectory() as folder:
     file = Path(folder, "proof.json")
     near.save(file)
-    print(check(file))
+    print(verify(file))
 
 # %%
 # The proved gap is below the true one at the end of the region, and near it.

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError, SplittingError
-from gsp.splitting import splitting as splitting_module
+from gsp.splitting import slow_coordinates
 from gsp.splitting.splitting import Splitting, split
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -545,10 +545,10 @@ def test_columns_are_chosen_by_elimination_and_not_one_minor_after_another(count
     asked = []
     determinant = sp.Matrix.det
     monkeypatch.setattr(sp.Matrix, "det", lambda self, **more: asked.append(1) or determinant(self, **more))
-    chosen = splitting_module.independent_columns
+    chosen = slow_coordinates.independent_columns
     eliminations = []
     monkeypatch.setattr(
-        splitting_module, "independent_columns", lambda *given: eliminations.append(1) or chosen(*given)
+        slow_coordinates, "independent_columns", lambda *given: eliminations.append(1) or chosen(*given)
     )
     result = split(_fast_pairs(count))
     assert asked == []
