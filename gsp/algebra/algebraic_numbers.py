@@ -123,6 +123,7 @@ class AlgebraicPoint:
         found = {}
         with precision(bits):
             for symbol, value in self.values.items():
+                # A product has the present precision.
                 rounded = 1 * self.field.ball(value, bits)
                 mantissa, power = rounded.mid().man_exp()
                 found[symbol] = sp.Rational(int(mantissa)) * sp.Integer(2) ** int(power)
@@ -225,21 +226,18 @@ def _points(
     for equation in equations:
         _, cleared = sp.Poly(equation, *unknowns, domain="QQ").clear_denoms(convert=True)
         polynomials.append(context.from_dict({m: int(c) for m, c in cleared.terms()}))
-    algebra = _Algebra.of(polynomials)
-    if not isinstance(algebra, _Algebra):
+    algebra = _QuotientAlgebra.of(polynomials)
+    if not isinstance(algebra, _QuotientAlgebra):
         return algebra
     if not algebra.monomials:
         return []
     minimal = [flint.fmpq_poly(matrix.minpoly()) for matrix in algebra.by]
     squarefree = [p // p.gcd(p.derivative()) for p in minimal]
     if squarefree != minimal:
-        for i, p in enumerate(squarefree):
-            whole = p.numer()
-            place = [int(i == k) for k in range(len(unknowns))]
-            terms = {tuple(e * power for e in place): whole[power] for power in range(len(whole))}
-            polynomials.append(context.from_dict({m: c for m, c in terms.items() if c != 0}))
-        algebra = _Algebra.of(polynomials)
-        if not isinstance(algebra, _Algebra):
+        for v, p in zip(context.gens(), squarefree):
+            polynomials.append(sum((c * v**k for k, c in enumerate(p.numer())), context.constant(0)))
+        algebra = _QuotientAlgebra.of(polynomials)
+        if not isinstance(algebra, _QuotientAlgebra):
             return algebra
     own = [list(unknowns).index(s) for s in symbols]
     for weights in _forms(len(symbols)):
@@ -254,7 +252,7 @@ def _points(
 
 
 @dataclass(frozen=True)
-class _Algebra:
+class _QuotientAlgebra:
     """QQ[x]/I for an ideal with isolated zeros: its `monomials`, exponents that no leading one of a Groebner basis
     divides, and the matrices `by[i]` of multiplication by generator i in them."""
 
@@ -262,7 +260,7 @@ class _Algebra:
     by: list[flint.fmpq_mat]
 
     @classmethod
-    def of(cls, polynomials: Sequence[flint.fmpz_mpoly]) -> _Algebra | _Unsolved:
+    def of(cls, polynomials: Sequence[flint.fmpz_mpoly]) -> _QuotientAlgebra | _Unsolved:
         """That of the ideal of the polynomials."""
         context = polynomials[0].context()
         basis, is_whole = flint.fmpz_mpoly_vec(polynomials, context).buchberger_naive(limits=BASIS_LIMITS)
@@ -286,11 +284,9 @@ class _Algebra:
                 row, top = leading[m], flint.fmpq(leading[m][m])
                 known[m] = [-flint.fmpq(row.get(b, 0)) / top for b in monomials]
                 continue
-            i = next(
-                i for i in range(n) if m[i] and _times(m, i, -1) in known and _times(m, i, -1) not in place
-            )
+            i, below = next((i, b) for i in range(n) if (b := _times(m, i, -1)) in border)
             known[m] = [flint.fmpq(0)] * size
-            for c, b in zip(known[_times(m, i, -1)], monomials):
+            for c, b in zip(known[below], monomials):
                 if c != 0:
                     known[m] = [old + c * new for old, new in zip(known[m], known[_times(b, i)])]
         return cls(
@@ -344,16 +340,10 @@ def _forms(count: int) -> Iterator[list[int]]:
 
 def _fields(eliminant: flint.fmpq_poly) -> Iterator[NumberField]:
     """The fields of the real roots."""
-    t = sp.Dummy("t")
-    whole = sp.Poly([rational(c) for c in reversed(eliminant.coeffs())], t, domain="QQ")
-    for factor, _ in sp.factor_list(whole)[1]:
-        for root in sp.Poly(factor.as_expr(), t, domain="QQ").real_roots(radicals=factor.degree() <= 2):
+    for factor, _ in eliminant.factor()[1]:
+        whole = sp.Poly([rational(c) for c in reversed(factor.coeffs())], sp.Dummy("t"), domain="QQ")
+        for root in whole.real_roots(radicals=factor.degree() <= 2):
             if root.is_Rational:
                 yield NumberField(flint.fmpq_poly([0, 1]) - flint.fmpq(int(root.p), int(root.q)), root)
             else:
-                yield NumberField(_fmpq_poly(factor.monic()), root)
-
-
-def _fmpq_poly(polynomial: sp.Poly) -> flint.fmpq_poly:
-    coefficients = [sp.Rational(c) for c in reversed(polynomial.all_coeffs())]
-    return flint.fmpq_poly([flint.fmpq(int(c.p), int(c.q)) for c in coefficients])
+                yield NumberField(factor / factor.leading_coefficient(), root)

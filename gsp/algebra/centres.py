@@ -38,12 +38,12 @@ def centres(expressions: tuple[sp.Expr, ...], symbols: tuple[sp.Symbol, ...]) ->
     found = {symbol: c for symbol, c in places.found.items() if c != 0}
     if not found:
         return {}
-    at_origin = _Units(here)
-    there = _Units(places.pieces, at_origin)
+    at_origin = _FittedUnits(here)
+    there = _FittedUnits(places.pieces, at_origin)
     # In the units of the origin, too, what is saved is not only moved into the centres, as of 3 - x.
     saved = min(u.length(here) - u.length(places.pieces) - u.length_of(found) for u in (at_origin, there))
     # Nor is a centre there where something is shorter than about 0, as about 1 of (1 + x)/x, but no digits are lost.
-    is_far = there.furthest(found, _Units(places.pieces)) > FAR
+    is_far = there.furthest(found, _FittedUnits(places.pieces)) > FAR
     return {s: rational(c) for s, c in found.items()} if saved > ROUNDING and is_far else {}
 
 
@@ -137,14 +137,14 @@ def _length(polynomial: flint.fmpq_mpoly) -> int:
     return sum(1 + sum(map(int, exponents)) for exponents in polynomial.to_dict())
 
 
-class _Units:
+class _FittedUnits:
     """Units of the generators, and of each polynomial, in which the coefficients are as near to 1 as they can be.
 
     Their logarithms are fitted by least squares, from the units `within` on. The sizes of coefficients in them are
     the same in whatever units the generators were.
     """
 
-    def __init__(self, pieces: Sequence[Piece], within: _Units | None = None) -> None:
+    def __init__(self, pieces: Sequence[Piece], within: _FittedUnits | None = None) -> None:
         from scipy.sparse import csr_array
         from scipy.sparse.linalg import lsqr
 
@@ -175,20 +175,20 @@ class _Units:
         powers = np.array([[int(e) for e in exponents] for exponents in terms], dtype=float)
         return own, powers, np.array([_bits(c) for c in terms.values()]) + powers @ self._bits[own]
 
-    def _all(self, pieces: Sequence[Piece]) -> np.ndarray:
+    def _sizes_of(self, pieces: Sequence[Piece]) -> np.ndarray:
         """Bits of the coefficients of polynomials in the places of its own."""
         return np.concatenate([self._sizes(*piece)[2] - mean for piece, mean in zip(pieces, self._means)])
 
     def length(self, pieces: Sequence[Piece]) -> float:
         """Bits of the coefficients together, those below 1 as good as none."""
-        return float(np.sum(np.logaddexp2(0.0, self._all(pieces))))
+        return float(np.sum(np.logaddexp2(0.0, self._sizes_of(pieces))))
 
     def length_of(self, values: Mapping[sp.Symbol, flint.fmpq]) -> float:
         """Bits of values of generators together."""
         sizes = [_bits(c) - self._bits[self._column[symbol]] for symbol, c in values.items()]
         return float(np.sum(np.logaddexp2(0.0, sizes)))
 
-    def furthest(self, values: Mapping[sp.Symbol, flint.fmpq], others: _Units) -> float:
+    def furthest(self, values: Mapping[sp.Symbol, flint.fmpq], others: _FittedUnits) -> float:
         """Bits of the largest value, infinite where a unit is not determined and other fits have others."""
         columns = [self._column[symbol] for symbol in values]
         sizes = np.array([_bits(c) for c in values.values()]) - self._bits[columns]

@@ -19,14 +19,20 @@ def at_most(bound: float, digits: int = 6) -> str:
 
 def outside(low: float, high: float, digits: int = 6) -> tuple[str, str]:
     """A lower and an upper bound with so many digits of what is between them: no less of the line than they bound."""
-    whole = _digits_of(low, high, digits)
+    whole = digits_of(low, high, digits)
     return at_least(low, whole), at_most(high, whole)
 
 
 def inside(low: float, high: float, digits: int = 6) -> tuple[str, str]:
     """The ends of an interval with so many digits of its width: no more of the line than it is."""
-    whole = _digits_of(low, high, digits)
+    whole = digits_of(low, high, digits)
     return at_most(low, whole), at_least(high, whole)
+
+
+def digits_of(low: float, high: float, digits: int) -> int:
+    """How many digits of the ends there are in so many of what is between them."""
+    width, size = high - low, max(abs(low), abs(high))
+    return digits + math.ceil(math.log10(size / width)) if 0.0 < width < size < math.inf else digits
 
 
 def as_given(value: float) -> str:
@@ -37,11 +43,6 @@ def as_given(value: float) -> str:
 def shown_sides(region: Mapping[str, tuple[float, float]]) -> str:
     """The region of a proof as text, its ends as they are: "x in [0, 1], y in [-2, 0.1234567]"."""
     return ", ".join(f"{name} in [{as_given(low)}, {as_given(high)}]" for name, (low, high) in region.items())
-
-
-def _digits_of(low: float, high: float, digits: int) -> int:
-    width, size = high - low, max(abs(low), abs(high))
-    return digits + math.ceil(math.log10(size / width)) if 0.0 < width < size < math.inf else digits
 
 
 def _directed(bound: float, digits: int, rounding: str) -> str:

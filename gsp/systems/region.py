@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -12,6 +11,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.errors import DeclarationError
+from gsp.results.bounds import digits_of
 from gsp.systems.arguments import shown
 from gsp.systems.flow import LARGEST, values_by_name
 
@@ -114,9 +114,7 @@ def shown_within(value: float, bounds: Interval) -> str:
 
 def digits_between(bounds: Interval, least: int = 6) -> int:
     """To how many digits two ends are told: to the `least` of each, and of what is between them."""
-    low, high = bounds
-    further = max(abs(low), abs(high)) / (high - low) if math.inf > high - low > 0.0 else 1.0
-    return min(least + max(math.ceil(math.log10(max(further, 1.0))) - 1, 0), 17)
+    return min(max(digits_of(*bounds, least) - 1, least), 17)
 
 
 def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:

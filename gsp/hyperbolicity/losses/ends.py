@@ -81,7 +81,8 @@ def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | No
     # From an end on an edge of the region Newton's method may come to its fold a little beyond, but not along the edge.
     edges = np.array([diagnosis.box[s.name] for s in diagnosis.sampler.system.x])
     held = (np.abs(edges - end[:nx, None]) <= EDGE * diagnosis.widths[:, None]).any(axis=1)
-    locator.zeros(end[None, :], at_end=True, held=np.flatnonzero(held))
+    if held.any():
+        locator.zeros(end[None, :], at_end=True, held=np.flatnonzero(held).tolist())
     sizes = np.append(AT_END * diagnosis.widths, AT_END**0.5 * np.ptp(diagnosis.samples[:, nx:], axis=0))
     # An end may be the fold itself, to rounding.
     # An eigenvalue that creeps towards zero without ever being there is no smaller than this share at a zero of

@@ -78,9 +78,7 @@ class Locator:
 
     # -- zero eigenvalues --------------------------------------------------------------------------
 
-    def zeros(
-        self, samples: np.ndarray, *, at_end: bool = False, held: Sequence[int] | np.ndarray = ()
-    ) -> None:
+    def zeros(self, samples: np.ndarray, *, at_end: bool = False, held: Sequence[int] = ()) -> None:
         """Zero eigenvalues on the branch next to `samples`; `at_end` when these are the ends of a sheet. States of
         the indices `held` keep their values.
 
@@ -104,7 +102,7 @@ class Locator:
                 self.add(point, Contact.ZERO)
 
     def _zero_eigenvalues(
-        self, samples: np.ndarray, equations, jacobian, sizes: np.ndarray, held: Sequence[int] | np.ndarray
+        self, samples: np.ndarray, equations, jacobian, sizes: np.ndarray, held: Sequence[int]
     ) -> list[np.ndarray | None]:
         """The zero eigenvalue on the branch next to each of the `samples` (m, n), or None."""
         sampler = self.sampler
