@@ -240,6 +240,11 @@ BAD_FOLDS = {
     "off M0": (NORMAL, {"x": 0, "y": 0.5}, "there is no fold"),
     "linear": (system({y: 1}, {x: y - x}), {"x": 0, "y": 0}, "there is no fold"),
     "canard": (system({y: R(1) - x}, {x: y - x**3 / 3 + x}), {"x": 1, "y": -2 / 3}, "canard point"),
+    "standing still": (
+        system({y: eps * (x - 2)}, {x: y - x**3 / 3 + x}),
+        {"x": 1, "y": -2 / 3},
+        "every slow rate vanishes at epsilon = 0",
+    ),
     "folded": (
         system({y: z, z: R(1)}, {x: y + x**2}),
         {"x": 0, "y": 0, "z": 0},

@@ -200,6 +200,12 @@ def _passage(
             f"the fold at {where} is degenerate, a cusp: a = l . g_yy(r, r)/2 = {a:.3g}.",
             "The passage takes other powers of epsilon there; move to a point of the fold that is not a cusp.",
         )
+    if system.stands_still:
+        raise PassageError(
+            f"every slow rate vanishes at {system.epsilon} = 0, so nothing passes the fold at {where} at leading "
+            "order.",
+            f"Leave the factor {system.epsilon} out of the slow rates, or split rates in fast time as one field.",
+        )
     f, along = _slow_rates(system, u, r)
     b, d = float(slope @ f), float(slope @ along)
     if abs(b) <= ZERO * np.linalg.norm(slope * X) * max(map(np.linalg.norm, (f / X, along / X / length))):
