@@ -7,7 +7,7 @@ unknowns: a curve for one free variable, a sheet for two.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -320,27 +320,53 @@ def sizes_beside(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def least_norm_newton(equations, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray | None:
-    """The zero of `equations` next to u by damped Newton steps of least norm in u/scales; None when they fail.
+    """The zero of `equations` next to u by damped Newton steps of least norm in u/scales; None when they fail."""
+    found = _least_norm_newtons(
+        lambda points: np.array([equations.residual(u) for u in points]),
+        lambda points: np.array([equations.jacobian(u) for u in points]),
+        u[None, :], scales[None, :], tolerance,
+    )[0]  # fmt: skip
+    return found if np.isfinite(found).all() else None
+
+
+def points_near(problem: LayerProblem, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray:
+    """The points of M0 (m, N) next to each of u (m, N), by steps of least norm in u/scales; NaN where they fail."""
+    return _least_norm_newtons(problem.residual, problem.jacobians, u, scales, tolerance)
+
+
+def _least_norm_newtons(
+    residual: Callable[[np.ndarray], np.ndarray],
+    jacobian: Callable[[np.ndarray], np.ndarray],
+    u: np.ndarray,
+    scales: np.ndarray,
+    tolerance: float,
+) -> np.ndarray:
+    """The zeros next to points u (m, N), moved where `scales` (m, N) are positive; NaN where Newton's method fails.
 
     Steps of `tolerance` end it, and those that are rounding of u.
     """
     moving = scales > 0.0
-    rounding = np.finfo(float).eps * float(np.linalg.norm(u[moving] / scales[moving]))
-    tolerance, u = max(tolerance, 2.0 * rounding), u.copy()
+    sizes = np.linalg.norm(np.divide(u, scales, out=np.zeros(u.shape), where=moving), axis=1)
+    tolerances = np.maximum(tolerance, 2.0 * np.finfo(float).eps * sizes)
+    u, found, left = u.copy(), np.full(u.shape, np.nan), np.arange(len(u))
     # Newton's method for a start: more steps than a corrector takes, as the guess may be poor.
     for _ in range(60):
-        value, slope = equations.residual(u), equations.jacobian(u) * scales
-        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
-            return None
-        size = np.linalg.norm(slope, axis=1)
+        if not left.size:
+            break
+        value, slope = residual(u[left]), jacobian(u[left]) * scales[left, None, :]
+        finite = np.isfinite(value).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
+        left, value, slope = left[finite], value[finite], slope[finite]
+        size = np.linalg.norm(slope, axis=2)
         size[size == 0.0] = 1.0
-        step = np.linalg.lstsq(slope / size[:, None], value / size, rcond=1e-13)[0]
-        length = float(np.linalg.norm(step))
-        u = u - scales * step * min(1.0, 1.0 / max(length, 1e-300))
-        if length <= tolerance:
-            # Where the slope vanishes the step does too, but not the value.
-            return u if float(np.abs(value / size).max()) <= 100.0 * tolerance else None
-    return None
+        value = value / size
+        step = np.einsum("mij,mj->mi", np.linalg.pinv(slope / size[:, :, None], rcond=1e-13), value)
+        length = np.linalg.norm(step, axis=1)
+        u[left] -= scales[left] * step * np.minimum(1.0, 1.0 / np.maximum(length, 1e-300))[:, None]
+        ended = length <= tolerances[left]
+        # Where the slope vanishes the step does too, but not the value.
+        at_zero = left[ended & (np.abs(value).max(axis=1) <= 100.0 * tolerances[left])]
+        found[at_zero], left = u[at_zero], left[~ended]
+    return found
 
 
 def corrected_start(problem: LayerProblem, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray:

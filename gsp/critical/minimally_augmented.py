@@ -12,7 +12,7 @@ eigenvalues are the sums of two eigenvalues of g_y, it is a Hopf point or a neut
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
@@ -68,9 +68,19 @@ class Singular:
     b: np.ndarray
     c: np.ndarray
     units: np.ndarray
+    # The last point and its solves, of which the value and the slope both are made.
+    _last: dict[bytes, Null] = field(default_factory=dict, compare=False, repr=False)
 
     def null(self, u: np.ndarray) -> Null:
         """The bordered solves at u; raises `numpy.linalg.LinAlgError` where the borders do not serve."""
+        place = u.tobytes()
+        if place not in self._last:
+            found = self._solved(u)
+            self._last.clear()
+            self._last[place] = found
+        return self._last[place]
+
+    def _solved(self, u: np.ndarray) -> Null:
         k = len(self.problem.free)
         g_y = self.problem.jacobian(u)[:, k:]
         changes = np.moveaxis(self.problem.second(u)[:, k:, :], 2, 0)

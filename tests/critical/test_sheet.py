@@ -150,6 +150,32 @@ def test_a_curve_of_folds_in_a_plane_of_symmetry_is_followed_from_any_rounding(o
     assert np.hypot(curve["a"], curve["b"]) == pytest.approx(3.0)
 
 
+@pytest.mark.parametrize("edge", [0.0, 1e-8, 1e-3, -0.5])
+@pytest.mark.parametrize("tilt", [0, 2, sp.Rational(21, 10)])
+def test_a_curve_of_folds_that_runs_into_a_pole_stays_on_the_folds(edge: float, tilt: sp.Rational) -> None:
+    """Where c/(1 + (r/2)^5) is 0/0 the field has no value, and no bound beside it is reached by a mere number."""
+    r, c, m, u = sp.symbols("r c m u")
+    bent = u**3 / 50 * (r + tilt) if tilt else 0
+    rise = (sp.Rational(1, 10) + u**2) / (1 + u**2)
+    rates = {m: 4 * c * rise / (1 + (r / 2) ** 5) - m, u: 2 * m - u - bent}
+    system = SlowFastSystem(slow={r: (u - r) / 4, c: u / 3 - c}, fast=rates, epsilon=sp.Symbol("epsilon"))
+    start, bounds = {"r": 0.5, "c": 0.3, "m": 0.22, "u": 0.447}, {"r": (-2 + edge, 3), "c": (-6, 10)}
+    folds = continue_folds(system, start=start, bounds=bounds)
+    for point in folds.points[:, [folds.names.index(n) for n in "rcmu"]]:
+        slope = folds.problem.jacobian(point)
+        # As near as points are corrected to, where everything changes faster and faster.
+        off = 1e-9 * abs(slope).max()
+        assert abs(folds.problem.residual(point)).max() < off
+        assert abs(np.linalg.det(slope[:, 2:])) < off
+    # With 2 m = u + u^3 (r + tilt)/50 the folds meet in pairs once for r > -2.
+    kinds = [point.kind for point in folds.special]
+    assert kinds == ([LossKind.CUSP] if tilt else [])
+    if not tilt:
+        assert "m = 0.223607 throughout" in str(folds)
+    if edge == 0.0:
+        assert "NON_FINITE" in folds.message
+
+
 def test_fewer_points_than_needed_is_an_ending() -> None:
     folds = continue_folds(CUSP, start={"a": -3, "b": 2, "y": 1}, max_points=5)
     assert folds.status is Status.TOO_MANY_POINTS

@@ -262,6 +262,8 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
         stop = self._bound_between(u, reached)
         if stop is not None:
             reached, place = stop
+            if reached is None:
+                return None
             if np.abs((reached - u) / self.scales).max() < 1e-9:
                 # The last point was on the bound by itself.
                 trace.points[-1], trace.bound = reached, self.names[place]
@@ -332,8 +334,8 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
     def _on_bound(self, u: np.ndarray, i: int) -> bool:
         return bool(np.abs(u[i] - self.bounds[i]).min() <= 1e-9 * self.scales[i])
 
-    def _bound_between(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, int] | None:
-        """The first point on a bound between a, inside, and b; None when b is inside too."""
+    def _bound_between(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray | None, int] | None:
+        """The first point on a bound between a, inside, and b (None where it is lost); None when b is inside too."""
         place = None
         for _ in range(len(a)):
             i = self._outside(b)
@@ -341,9 +343,14 @@ class PointTracer(arclength.Tracer[OrientedPoint]):
                 break
             value = self.bounds[i, 0] if b[i] < self.bounds[i, 0] else self.bounds[i, 1]
             found = self.root(a, b, lambda u, i=i, value=value: float(u[i] - value))
+            if found is None and not self._on_bound(a, i):
+                return None, i
             b = a.copy() if found is None else found
             b[i], place = value, i
-        return None if place is None else (b, place)
+        if place is None:
+            return None
+        self._saw_non_finite = not np.isfinite(self.equations.residual(b)).all()
+        return None if self._saw_non_finite else b, place
 
     # -- closing -----------------------------------------------------------------------------------
 

@@ -140,7 +140,10 @@ class NamedCurve(NamedPoints):
         title, rows = self._headed()
         ranges, inside, outside = [], [], []
         for name in self.names:
-            low, high = shown_ends((self._told(name, self[name].min()), self._told(name, self[name].max())))
+            ends = self._told(name, self[name].min()), self._told(name, self[name].max())
+            # Nearer than points of the curve are known, its ends are one value.
+            apart = ends[1] - ends[0] > self.options.controls.tolerance * max(map(abs, ends))
+            low, high = shown_ends(ends if apart else (ends[0], ends[0]))
             ranges.append(f"  {name} = {low} throughout" if low == high else f"  {name} from {low} to {high}")
         for point in self.special:
             told = replace(point, point={name: self._told(name, value) for name, value in point.point.items()})

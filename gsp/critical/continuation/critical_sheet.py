@@ -22,6 +22,7 @@ from gsp.critical.layer_problem import (
     layer_problem,
     least_norm_newton,
     natural_scales,
+    points_near,
 )
 from gsp.critical.minimally_augmented import identity, singular_near
 from gsp.errors import BranchError, DeclarationError, Status
@@ -220,10 +221,10 @@ class _Builder:
         far = self._correct_rows(u, first, every, across, reach)
         rest = self._correct_rows(u, first, far, edges, reach)
         outside = np.flatnonzero((np.abs(self._confined(u) - u) > 1e-9 * self.grid.size).any(axis=1))
-        for i in np.union1d(rest, outside):
-            found = self._repaired(first[i], self.held[i])
-            self.lost[i] = found is None
-            u[i] = first[i] if found is None else found
+        wrong = np.union1d(rest, outside)
+        found = self._repaired(first[wrong], self.held[wrong])
+        self.lost[wrong] = np.isnan(found).any(axis=1)
+        u[wrong] = np.where(self.lost[wrong, None], first[wrong], found)
         return np.where(self.held, exact, self._confined(u))
 
     def _correct_rows(
@@ -254,18 +255,20 @@ class _Builder:
         """Points (..., d) moved onto the bounds that they are beyond."""
         return np.clip(u, self.bounds[:, 0], self.bounds[:, 1])
 
-    def _repaired(self, u: np.ndarray, held: np.ndarray) -> np.ndarray | None:
-        """The point of M0 next to u, if any, by steps of least norm, along the bounds that these lead beyond."""
-        self.repaired += 1
-        for _ in range(len(u)):
-            found = least_norm_newton(self.problem, u, np.where(held, 0.0, self.grid.size), 1e-12)
-            if found is None:
-                break
-            inside = self._confined(found)
-            if (inside == found).all():
-                return found
-            held, u = held | (inside != found), inside
-        return None
+    def _repaired(self, u: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """The points of M0 next to u (m, N), NaN where there is none, by steps of least norm, along bounds beyond."""
+        self.repaired += len(u)
+        u, held, found, left = u.copy(), held.copy(), np.full(u.shape, np.nan), np.arange(len(u))
+        for _ in range(u.shape[1]):
+            near = points_near(self.problem, u[left], np.where(held[left], 0.0, self.grid.size), 1e-12)
+            known = np.isfinite(near).all(axis=1)
+            left, near = left[known], near[known]
+            inside = self._confined(near)
+            held[left] |= inside != near
+            u[left] = inside
+            kept = (inside == near).all(axis=1)
+            found[left[kept]], left = near[kept], left[~kept]
+        return found
 
     def _drop_lost(self) -> None:
         kept = self.triangles[~self.lost[self.triangles].any(axis=1)]
@@ -284,19 +287,18 @@ class _Builder:
         edges = np.unique(edges[sign[edges[:, 0]] != sign[edges[:, 1]]], axis=0)
         if len(edges) == 0:
             return
-        fresh, held, true, lost = [], [], [], []
-        for a, b in edges:
-            share = value[a] / (value[a] - value[b])
-            fixed = self.held[a] & self.held[b] & (self.u[a] == self.u[b])
-            between = self.u[a] + share * (self.u[b] - self.u[a])
-            found = self._fold_between(between, fixed)
-            point = self._repaired(between, fixed) if found is None else found
-            fresh.append(between if point is None else point)
-            lost.append(point is None)
-            held.append(fixed)
-            true.append(found is not None)
+        a, b = edges.T
+        share = (value[a] / (value[a] - value[b]))[:, None]
+        fixed = self.held[a] & self.held[b] & (self.u[a] == self.u[b])
+        fresh = self.u[a] + share * (self.u[b] - self.u[a])
+        folds = np.array([self._fold_between(*edge) for edge in zip(fresh, fixed)])
+        true = np.isfinite(folds).all(axis=1)
+        found = folds.copy()
+        found[~true] = self._repaired(fresh[~true], fixed[~true])
+        lost = np.isnan(found).any(axis=1)
         place = {(int(a), int(b)): len(self.u) + i for i, (a, b) in enumerate(edges)}
-        self.u, self.held = np.vstack([self.u, fresh]), np.vstack([self.held, held])
+        self.u = np.vstack([self.u, np.where(lost[:, None], fresh, found)])
+        self.held = np.vstack([self.held, fixed])
         self.singular = np.concatenate([self.singular, true])
         self.lost = np.concatenate([self.lost, lost])
         mixed = sign[self.triangles].sum(axis=1) % 3 != 0
@@ -308,16 +310,16 @@ class _Builder:
             pieces += [(a, p, q), (p, b, c), (p, c, q)]
         self.triangles = np.vstack([self.triangles[~mixed], pieces])
 
-    def _fold_between(self, u: np.ndarray, fixed: np.ndarray) -> np.ndarray | None:
-        """The fold next to u, within the bounds and two cubes; None when there is none."""
+    def _fold_between(self, u: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+        """The fold next to u, within the bounds and two cubes; NaN when there is none."""
         try:
             system = singular_near(self.problem, identity, u, self.scales)
         except np.linalg.LinAlgError:
-            return None
+            return np.full(u.shape, np.nan)
         found = least_norm_newton(system, u, np.where(fixed, 0.0, self.grid.size), 1e-12)
         if found is None or (np.abs(found - u) > 2.0 * self.grid.size).any():
-            return None
-        return found if (self._confined(found) == found).all() else None
+            return np.full(u.shape, np.nan)
+        return np.where((self._confined(found) == found).all(), found, np.nan)
 
     def _orient(self) -> None:
         """Triangles turned so that det[g_u; both edges] is positive in the middle: one side of the sheet."""
@@ -344,7 +346,8 @@ def _finished(problem: LayerProblem, built: _Builder, options: Options) -> Criti
     status = Status.COMPLETE if mesh.complete else Status.TOO_MANY_POINTS
     if mesh.skipped or built.lost.any():
         status = Status.NON_FINITE
-    message = f"{len(u)} points and {len(built.triangles)} triangles: {status}"
+    ending = status if status is not Status.NON_FINITE else f"{status.name}: it ends where g is not finite"
+    message = f"{len(u)} points and {len(built.triangles)} triangles: {ending}"
     if crossing.any():
         message = f"{message}; another sheet crosses it at {_ranges(problem, u[crossing], built.grid.size)}"
     return CriticalSheet(

@@ -16,6 +16,7 @@ from gsp.critical.continuation.arclength import SAME_PLACE, CurveTrace, PointTra
 from gsp.critical.continuation.critical_curve import NamedCurve, Options, curve_of, oriented
 from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside, joined, traced
 from gsp.critical.continuation.location import (
+    AROUND,
     TOUCH,
     inserted,
     least_between,
@@ -232,7 +233,8 @@ def _special(
             for u in _zeros(tracer, points[a : b + 1], _bordered_test(tracer.equations, kind)):
                 if all(np.linalg.norm((u - point.unknowns) / scales[a]) > SAME_PLACE for _, point in found):
                     place = place_between(points, a, b, u, scales[a])
-                    found.append((place, _described(problem, u, kind, scales[a], points)))
+                    around = points[max(a - AROUND, 0) : b + AROUND + 1]
+                    found.append((place, _described(problem, u, kind, scales[a], around)))
     tracer.scales = scales.max(axis=0)
     return inserted(points, scales, found)
 

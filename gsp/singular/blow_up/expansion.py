@@ -175,27 +175,30 @@ def _centre_manifold(
     across: list[LocalSeries],
     slow: list[LocalSeries],
 ) -> list[LocalSeries]:
-    """h of (1): repeated until nothing changes, as a term's part of h_v G may have less of v and the same degree."""
-    ring = form.ring
+    """h of (1), one more degree at a time.
+
+    Beside what the lower parts give, a part obeys C h_k = (h_k)_v G_1 + epsilon (h_k)_x F_0, which takes every term to
+    one of less of v and x: the series of what it gives ends.
+    """
     C = [[e.slope(i) for i in others] for e in across]
-    inverse = _inverse(ring, C)
-    _check_off_axis(ring, C)
-    epsilon = ring.variable(form.small)
-    h = [ring.zero for _ in others]
-    for _ in range((ring.degree + 1) ** 2):
-        G, *rest = (_on(e, others, h) for e in (along, *across, *slow))
+    inverse = _inverse(form.ring, C)
+    _check_off_axis(form.ring, C)
+    h = [form.ring.zero for _ in others]
+    for degree in range(1, form.ring.degree + 1):
+        ring = LocalRing(form.ring.size, degree, form.ring.field, form.ring.is_exact)
+        h = [LocalSeries(ring, own_h.parts) for own_h in h]
+        G, *rest = (_on(LocalSeries(ring, e.parts), others, h) for e in (along, *across, *slow))
         N, F = rest[: len(others)], rest[len(others) :]
-        wanted = []
-        for e, own_h in zip(N, h):
-            moved = own_h.derivative(own) * G
-            for j, f in zip(form.slow_at, F):
-                moved = moved + epsilon * own_h.derivative(j) * f
-            wanted.append(moved - e)
-        step = [_combination(ring, row, wanted) for row in inverse]
-        if all(e.is_rounding_of(own_h) for e, own_h in zip(step, h)):
-            return h
-        h = [a + b for a, b in zip(h, step)]
-    raise BlowUpError("the series of the centre manifold does not come to rest at the point.")
+        moves = [(own, G), *((j, ring.variable(form.small) * f) for j, f in zip(form.slow_at, F))]
+
+        def moved(e: LocalSeries, ring=ring, moves=moves) -> LocalSeries:
+            return sum((e.derivative(i) * rate for i, rate in moves), ring.zero)
+
+        step = [_combination(ring, row, [moved(own_h) - e for e, own_h in zip(N, h)]) for row in inverse]
+        while not all(e.is_rounding_of(own_h) for e, own_h in zip(step, h)):
+            h = [a + b for a, b in zip(h, step)]
+            step = [_combination(ring, row, list(map(moved, step))) for row in inverse]
+    return [LocalSeries(form.ring, own_h.parts) for own_h in h]
 
 
 def _check_off_axis(ring: LocalRing, C: Matrix) -> None:
