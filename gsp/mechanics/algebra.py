@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,17 @@ import sympy as sp
 
 from gsp.algebra.elimination_over_rationals import connected_parts
 from gsp.algebra.functions import are_rational
-from gsp.algebra.ring import LocalisedRing, read
+from gsp.algebra.ring import DENOMINATOR_TERMS, LocalisedRing, read
 from gsp.algebra.ring_elements import RingElement
+from gsp.errors import BudgetError
 from gsp.lowering.compiled_function import compile_function
 from gsp.slow.coordinates import dot, invert
 
 Matrix = list[list[RingElement]]
-
+# What makes the formulas of several bodies shorter.
+SHORTER = (
+    "Name velocities that turn with a body, frame={u: cos(theta)*xdot + ...}, or put numbers for parameters."
+)
 
 _RATIOS = {
     sp.tan: lambda u: sp.sin(u) / sp.cos(u),
@@ -32,19 +37,28 @@ _RATIOS = {
 
 
 class Angles:
-    """The rewriting of sin and cos of sums and multiples by those of `units`, one for each angle."""
+    """The rewriting of sin and cos of sums and multiples by those of `units`, one for each angle.
 
-    def __init__(self, expressions: Iterable[sp.Expr]) -> None:
+    An angle q of `measured_from` is written by q - measured_from[q].
+    """
+
+    def __init__(self, expressions: Iterable[sp.Expr], measured_from: Mapping[sp.Symbol, sp.Expr]) -> None:
+        relative = {q: sp.Dummy(q.name) for q in measured_from}
+        self._turned = {q: own + measured_from[q] for q, own in relative.items()}
+        self._told = {own: q - measured_from[q] for q, own in relative.items()}
         self._sizes: dict[sp.Expr, sp.Rational] = {}
         functions = [f for e in expressions for f in sorted(_plain(e).atoms(sp.sin, sp.cos), key=str)]
         for function in functions:
-            for base, coefficient in _terms(function.args[0]):
+            for base, coefficient in self._terms(function.args[0]):
                 self._sizes[base] = sp.gcd(self._sizes.get(base, 0), coefficient)
 
     @property
     def units(self) -> list[sp.Expr]:
         """The single angles; phi/2 when half angles of phi occur, and 18 phi when no other multiple does."""
-        return [size * base for base, size in self._sizes.items()]
+        return [self._unit(base) for base in self._sizes]
+
+    def _unit(self, base: sp.Expr) -> sp.Expr:
+        return sp.expand(self._sizes[base] * self._told.get(base, base))
 
     def expand(self, expression: sp.Expr) -> sp.Expr:
         """`expression` with every sine and cosine a polynomial in those of the units."""
@@ -59,9 +73,8 @@ class Angles:
         sine: Any
         cosine: Any
         sine, cosine = sp.Integer(0), sp.Integer(1)
-        for base, coefficient in _terms(argument):
-            size = self._sizes[base]
-            unit, times = size * base, abs(coefficient) / size
+        for base, coefficient in self._terms(argument):
+            unit, times = self._unit(base), abs(coefficient) / self._sizes[base]
             assert times.is_Integer, f"{argument} is no multiple of {unit}"
             c = sp.cos(unit)
             # sin(n u) = sin(u) U_(n-1)(cos(u)), cos(n u) = T_n(cos(u)), Chebyshev's polynomials.
@@ -70,6 +83,15 @@ class Angles:
             sine, cosine = sine * c + cosine * s, cosine * c - sine * s
         return sine, cosine
 
+    def _terms(self, argument: Any) -> list[tuple[sp.Expr, sp.Rational]]:
+        """(base, rational coefficient) of every term of an angle; a number is a base of its own."""
+        pairs = []
+        for term in sp.Add.make_args(sp.expand(argument.xreplace(self._turned))):
+            coefficient, base = term.as_coeff_Mul()
+            whole = base.is_number or not coefficient.is_Rational
+            pairs.append((term, sp.Integer(1)) if whole else (base, coefficient))
+        return pairs
+
 
 def _plain(expression: Any) -> Any:
     for ratio, rule in _RATIOS.items():
@@ -77,20 +99,11 @@ def _plain(expression: Any) -> Any:
     return expression
 
 
-def _terms(argument: Any) -> list[tuple[sp.Expr, sp.Rational]]:
-    """(base, rational coefficient) of every term of an angle; a number is a base of its own."""
-    pairs = []
-    for term in sp.Add.make_args(sp.expand(argument)):
-        coefficient, base = term.as_coeff_Mul()
-        whole = base.is_number or not coefficient.is_Rational
-        pairs.append((term, sp.Integer(1)) if whole else (base, coefficient))
-    return pairs
-
-
 class Algebra:
     """Functions of `coordinates` and `parameters` that `expressions` are made of, with derivations.
 
-    For each angle in `sines` powers of the cosine are reduced, for every other those of the sine.
+    For each angle in `sines` powers of the cosine are reduced, for every other those of the sine. `measured_from` is
+    for `Angles`.
     """
 
     def __init__(
@@ -101,8 +114,10 @@ class Algebra:
         *,
         derivations: int = 1,
         sines: frozenset[sp.Expr] = frozenset(),
+        measured_from: Mapping[sp.Symbol, sp.Expr] = MappingProxyType({}),
     ) -> None:
-        self._angles = Angles(expressions)
+        self.measured_from = measured_from
+        self._angles = Angles(expressions, measured_from)
         expanded = [self._angles.expand(e) for e in expressions]
         self.ring = LocalisedRing(
             coordinates, constants=parameters, functions=not are_rational(expanded), derivations=derivations
@@ -134,8 +149,17 @@ class Algebra:
         ]
 
     def write(self, element: RingElement, *, factored: bool = True) -> sp.Expr:
-        """The element as an expression; `factored` for reading, else as it comes."""
-        expression = self.ring.to_sympy(element.reduced(), factored=factored)
+        """The element as an expression; `factored` for reading, else as it comes.
+
+        Raises `BudgetError` for more terms than are factored.
+        """
+        element = element.reduced()
+        if (terms := len(element.numerator)) > DENOMINATOR_TERMS:
+            fact = (
+                f"a formula of the motion has {terms:,} terms, and {DENOMINATOR_TERMS:,} at most are written."
+            )
+            raise BudgetError(fact, SHORTER, value=terms, limit=DENOMINATOR_TERMS)
+        expression = self.ring.to_sympy(element, factored=factored)
         return self._shown(expression) if factored else expression
 
     def _shown(self, expression: sp.Expr) -> sp.Expr:

@@ -11,8 +11,8 @@ from typing import Any, cast, overload
 import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
-from gsp.errors import DeclarationError
-from gsp.mechanics.algebra import Algebra, Matrix, entries
+from gsp.errors import BudgetError, DeclarationError
+from gsp.mechanics.algebra import SHORTER, Algebra, Matrix, entries
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
 from gsp.mechanics.damping import KINETIC, Damping, check_damping_over, kinetic_damping, read_damping
 from gsp.mechanics.dry_friction import DryFrictionSystem, grouped, read_contacts
@@ -47,8 +47,14 @@ class FrictionSystem(SlippingSystem):
 
     @cached_property
     def splitting(self) -> Splitting:
-        """Slow and fast variables, from the geometry: momenta along D feel no friction, the slip w is fast."""
-        return geometric_splitting(self.field, self._equations, self._momenta, self._mobility, self._layer)
+        """Slow and fast variables, from the geometry: momenta along D feel no friction, the slip w is fast.
+
+        Raises `BudgetError` where its formulas are too long to be formed.
+        """
+        try:
+            return geometric_splitting(self.field, self._equations, self._momenta, self._mobility, self._layer)
+        except BudgetError as error:
+            raise BudgetError(f"{error.fact}.", SHORTER, value=error.spent, limit=error.limit) from None
 
     @property
     def has_constant_fibres(self) -> bool:
@@ -103,6 +109,7 @@ class FrictionSystem(SlippingSystem):
             (*system.coordinates, *system.clock, *standard.x),
             tuple(system.values),
             [*multipliers, *slopes, *pushes, *entries(self.damping)],
+            measured_from=self._equations.algebra.measured_from,
         )
 
         def solved(matrix: sp.MatrixBase, side: Iterable[sp.Expr]) -> list[RingElement]:

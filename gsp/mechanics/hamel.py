@@ -8,16 +8,19 @@ since Psi^T A^T = (0, 1).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
 
+import numpy as np
 import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.mechanics.algebra import Algebra, Matrix, transpose
+from gsp.mechanics.algebra import Algebra, Matrix, generic_points, numbers, transpose
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
+from gsp.mechanics.velocity_forms import rank
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
 
@@ -126,13 +129,46 @@ class HamelEquations:
 
 def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, ...] = ()) -> HamelEquations:
     """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
-    first = _derived(system, frame, further, frozenset())
+    first = _derived(system, frame, further)
+    if measured_from := _turned_together(first):
+        first = _derived(system, frame, further, measured_from=measured_from)
     _ = first.drift
     awkward = first.algebra.awkward_angles
-    return _derived(system, frame, further, awkward) if awkward else first
+    return _derived(system, frame, further, sines=awkward, measured_from=measured_from) if awkward else first
 
 
-def _derived(system, frame: MovingFrame, further, sines) -> HamelEquations:
+def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, sp.Expr]:
+    """Angles with what each is measured from: turned together they leave the metric as it is, which is shorter then.
+
+    Bodies that are hinged to one another have such angles, from an axis in space. A guess at generic points: a wrong
+    one makes no equation wrong.
+    """
+    system, write = equations.system, equations.algebra.write
+    metric = [write(e, factored=False) for row in equations.metric for e in row]
+    turning = set().union(*(f.free_symbols for e in metric for f in e.atoms(sp.sin, sp.cos)))
+    angles = [q for q in system.coordinates if q in turning]
+    if len(angles) < 2:
+        return {}
+    symbols = (*system.coordinates, *system.clock)
+    slopes = [sp.diff(e, q) for e in metric for q in angles]
+    values = numbers(slopes, symbols, generic_points(3, len(symbols)), system.values).reshape(-1, len(angles))
+    kept = np.linalg.svd(values)[2][rank(values) :]
+    axes = []
+    for i in range(len(angles)):
+        if len(axes) < len(kept) and rank(kept[:, [*axes, i]]) > len(axes):
+            axes.append(i)
+    turns = np.linalg.solve(kept[:, axes], kept) if axes else kept
+    ratios = [[sp.Rational(Fraction(float(turn)).limit_denominator(12)) for turn in row] for row in turns]
+    return {
+        q: sum((row[i] * angles[j] for row, j in zip(ratios, axes)), sp.Integer(0))
+        for i, q in enumerate(angles)
+        if i not in axes and any(row[i] for row in ratios)
+    }
+
+
+def _derived(
+    system, frame: MovingFrame, further, *, sines=frozenset(), measured_from: Values = MappingProxyType({})
+) -> HamelEquations:
     eta = frame.quasi_velocities
     right = list(system.right_hand_sides)
     mass = system.raw_mass_matrix
@@ -143,6 +179,7 @@ def _derived(system, frame: MovingFrame, further, sines) -> HamelEquations:
         expressions,
         derivations=1 + len(eta),
         sines=sines,
+        measured_from=measured_from,
     )
     ring = algebra.ring
     psi = inverse_forms(algebra, frame)

@@ -78,6 +78,7 @@ def geometric_splitting(
         tuple(system.values),
         [write(e, factored=False) for e in _everything(equations, momenta, friction)],
         sines=equations.algebra.awkward_angles,
+        measured_from=equations.algebra.measured_from,
     )
     # s = P u + Q w solved for u.
     P = new.matrix(_written(algebra, momenta.along))

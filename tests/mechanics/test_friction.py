@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import gsp
-from gsp.errors import DeclarationError
+from gsp.errors import BudgetError, DeclarationError
 from gsp.mechanics import FrictionSystem, LagrangianSystem, constrain, with_friction
 from gsp.slow.raw_series import carry_back
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -172,7 +172,42 @@ def driven() -> FrictionSystem:
     return with_friction(system, [SLIP], epsilon=epsilon)
 
 
+def trailer(relative: int = 0) -> FrictionSystem:
+    """A sleigh that tows another by a spring at the hitch, its angle from an axis in space or from the first's."""
+    M, K, d, k, alpha, alphadot = sp.symbols("M K d k alpha alphadot")
+    angle, turning = alpha + relative * theta, alphadot + relative * thetadot
+    towed = (xdot + d * sin(angle) * turning, ydot - d * cos(angle) * turning)
+    L = m * (xdot**2 + ydot**2) / 2 + inertia * thetadot**2 / 2 - k * (angle - theta) ** 2 / 2
+    L += M * (towed[0] ** 2 + towed[1] ** 2) / 2 + K * turning**2 / 2
+    values = {m: 1, M: 0.5, inertia: 0.2, K: 0.1, d: 0.7, k: 0.4}
+    system = LagrangianSystem(L, [x, y, theta, alpha], [xdot, ydot, thetadot, alphadot], parameters=values)
+    slips = [ydot * cos(theta) - xdot * sin(theta), ydot * cos(angle) - xdot * sin(angle) - d * turning]
+    u = sp.Symbol("u")
+    frame = {u: xdot * cos(theta) + ydot * sin(theta), thetadot: thetadot}
+    return with_friction(system, slips, epsilon=epsilon, frame=frame)
+
+
+def skates(*, turned: bool = True) -> FrictionSystem:
+    """Two sleighs on one hinge, whose edges are beside it: both constraints are solved for a rate of turning."""
+    r, c, k, alpha, beta = sp.symbols("r c k alpha beta")
+    alphadot, betadot, u, v = sp.symbols("alphadot betadot u v")
+    one = (xdot + r * sin(alpha) * alphadot, ydot - r * cos(alpha) * alphadot)
+    two = (xdot - r * sin(beta) * betadot, ydot + r * cos(beta) * betadot)
+    L = m * sum(rate**2 for rate in (*one, *two)) / 2 + inertia * (alphadot**2 + betadot**2) / 2
+    L -= k * (alpha - beta) ** 2 / 2
+    slips = [
+        one[1] * cos(alpha) - one[0] * sin(alpha) - c * alphadot,
+        two[1] * cos(beta) - two[0] * sin(beta) + c * betadot,
+    ]
+    values = {m: 1, inertia: 0.3, r: 0.5, c: 0.1, k: 1}
+    system = LagrangianSystem(L, [x, y, alpha, beta], [xdot, ydot, alphadot, betadot], parameters=values)
+    frame = {u: xdot * cos(alpha) + ydot * sin(alpha), v: ydot * cos(alpha) - xdot * sin(alpha)}
+    return with_friction(system, slips, epsilon=epsilon, frame=frame if turned else None)
+
+
 SYSTEMS = {
+    "trailer": trailer,
+    "skates": skates,
     "sleigh": sliding_sleigh,
     "damped sleigh": lambda: sliding_sleigh(damping=a + m),
     "ball": ball,
@@ -213,7 +248,7 @@ def test_the_series_begins_with_the_slip_that_the_multiplier_tells(name: str) ->
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", ["sleigh", "damped sleigh", "ball", "disc", "turned disc"])
+@pytest.mark.parametrize("name", ["sleigh", "damped sleigh", "ball", "disc", "turned disc", "trailer"])
 def test_friction_dissipates_exactly_the_rayleigh_function_twice(name: str) -> None:
     system = SYSTEMS[name]()
     slip = sp.Matrix(list(system.frame.across))
@@ -221,6 +256,26 @@ def test_friction_dissipates_exactly_the_rayleigh_function_twice(name: str) -> N
     assert sp.expand(system.dissipation() + 2 * rayleigh) == 0
     assert sp.expand(system.energy_rate() - system.dissipation()) == 0
     assert system.limit.energy_rate() == 0
+
+
+def test_angles_of_several_bodies_may_be_from_an_axis_in_space() -> None:
+    """The metric is that of the angle between them: the rates of one text are those of the other."""
+    from_space, from_the_first = trailer(0), trailer(1)
+    place = {theta: 0.3, sp.Symbol("alpha"): 0.8, sp.Symbol("u"): 0.7, thetadot: -0.4, epsilon: 0.05}
+    place |= {sp.Symbol("w1"): 0.1, sp.Symbol("w2"): -0.2, **from_space.field.parameters}
+    relative = {**place, sp.Symbol("alpha"): 0.5}
+    rates, others = from_space.field.equations, from_the_first.field.equations
+    for s in (*from_space.quasi_velocities, *from_the_first.standard_form.y):
+        assert float(rates[s].subs(place)) == pytest.approx(float(others[s].subs(relative)), rel=1e-12)
+    between = sp.Symbol("alpha") - theta
+    assert rates[sp.Symbol("u")].atoms(sin, cos) == {sin(between), cos(between)}
+
+
+def test_formulas_that_are_too_long_are_refused_with_what_makes_them_shorter() -> None:
+    with pytest.raises(
+        BudgetError, match=r"a formula of the motion has .* terms.*Name velocities that turn with"
+    ):
+        _ = skates(turned=False).splitting
 
 
 def test_forces_add_their_power_to_the_dissipation() -> None:
