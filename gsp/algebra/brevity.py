@@ -33,18 +33,19 @@ def brief(expression: sp.Expr) -> str:
     return f"{text[: last_space if last_space > 0 else SHOWN]} ... ({size})"
 
 
+def shorter(form: sp.Expr, given: sp.Expr) -> sp.Expr:
+    """`form` where it takes no more operations than `given`, parts that are shared counted once."""
+    return form if operations([form]) <= operations([given]) else given
+
+
 def in_lowest_terms(expression: sp.Expr) -> sp.Expr:
     """`lowest_terms` where these are no longer than `expression`: long sums of powers cancel in doubles."""
-    return _shorter(lowest_terms(expression), expression)
+    return shorter(lowest_terms(expression), expression)
 
 
 def in_factors(expression: sp.Expr) -> sp.Expr:
     """`factored` where this is no longer than `expression`."""
-    return _shorter(factored(expression), expression)
-
-
-def _shorter(form: sp.Expr, given: sp.Expr) -> sp.Expr:
-    return form if operations([form]) <= operations([given]) else given
+    return shorter(factored(expression), expression)
 
 
 def brief_list(expressions: Iterable[sp.Expr]) -> str:

@@ -12,7 +12,9 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.algebra.brevity import shorter
 from gsp.algebra.ring_elements import RingElement
+from gsp.errors import BudgetError
 from gsp.mechanics.algebra import Algebra, Matrix, common_denominator
 from gsp.mechanics.frame import fresh_symbols
 from gsp.mechanics.hamel import HamelEquations
@@ -89,7 +91,12 @@ def geometric_splitting(
     solved = {s: new.write(e) for s, e in u.items()}
 
     def carried(element: RingElement) -> sp.Expr:
-        return new.write(new.read(write(element, factored=False), u))
+        # Multiplied out a quadratic form in u is short where there are few positions, and endless where there are many.
+        as_it_stands = write(element).xreplace(solved)
+        try:
+            return shorter(new.write(new.read(write(element, factored=False), u)), as_it_stands)
+        except BudgetError:
+            return as_it_stands
 
     positions = equations.positions()
     slow = {q: carried(positions[q]) for q in field.states if q in system.coordinates}
