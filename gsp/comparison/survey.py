@@ -160,10 +160,13 @@ class Survey:
             return
         y = np.full_like(self.y, np.nan)
         y[rows] = self._on_manifold(self.x[rows], self.y[rows], epsilon)
+        rows = rows[np.isfinite(y[rows]).all(axis=1)]
+        ends = np.full((len(self.x), len(self.system.states)), np.nan)
         for j in map(int, rows):
-            if np.isfinite(y[j]).all():
-                self._series(i, j, y[j], epsilon)
-                self._runs(i, j, y[j], epsilon)
+            self._series(i, j, y[j], epsilon)
+            ends[j] = self._runs(i, j, y[j], epsilon)
+        known = np.isfinite(ends).all(axis=1)
+        self.measures[MANIFOLD][i, known] = self._distances(ends[known], epsilon)
 
     def _on_manifold(self, x: np.ndarray, near: np.ndarray, epsilon: float) -> np.ndarray:
         """Points of the slow manifold (m, n_fast) over `x`, by the zero-derivative principle from `near`.
@@ -183,12 +186,13 @@ class Survey:
             # Orders whose errors differ by rounding are as good as one another.
             self.best_order[i, j] = int(np.flatnonzero(errors <= np.nanmin(errors) + ROUNDING)[-1])
 
-    def _runs(self, i: int, j: int, y: np.ndarray, epsilon: float) -> None:
+    def _runs(self, i: int, j: int, y: np.ndarray, epsilon: float) -> np.ndarray:
+        """Fills the measures of the runs from a position; the state in which the full one ends, NaN where it fails."""
         start = dict(zip(self.slow, map(float, self.x[j])))
         whole = start | {s.name: float(v) for s, v in zip(self.system.y, y)}
         full, explicit = (self._run(self.system, whole, epsilon, method=method) for method in RIVALS)
         if full is None or not full.status.ok:
-            return
+            return np.full(len(self.system.states), np.nan)
         end = full.y[:, -1]
         nx = len(self.slow)
         self.measures[IMPLICIT][i, j] = full.stats.rejected / full.stats.steps
@@ -196,21 +200,25 @@ class Survey:
             self.measures[EXPLICIT][i, j] = (
                 explicit.stats.field_calls / full.stats.field_calls if explicit.status.ok else np.inf
             )
-        self.measures[MANIFOLD][i, j] = self._distance(end, epsilon)
         for n, flow in self.flows.items():
             reduced = self._run(flow, start, epsilon)
             if reduced is not None and reduced.status.ok:
                 reached = np.array([reduced[name][-1] for name in self.slow])
                 self.measures[reduced_name(n)][i, j] = np.abs(reached - end[:nx]).max() / self.width
+        return end
 
-    def _distance(self, z: np.ndarray, epsilon: float) -> float:
-        """Distance in y of a state from the slow manifold, by the zero-derivative principle next to it."""
+    def _distances(self, ends: np.ndarray, epsilon: float) -> np.ndarray:
+        """Distances in y of states (m, n) from the slow manifold, by the zero-derivative principle next to them."""
         nx = len(self.slow)
+        if not len(ends):
+            return np.empty(0)
         try:
-            found = self._on_manifold(z[None, :nx], z[None, nx:], epsilon)
+            found = self._on_manifold(ends[:, :nx], ends[:, nx:], epsilon)
         except GspError:
-            return float("nan")
-        return float(self._relative(found[0] - z[nx:]))
+            if len(ends) == 1:
+                return np.full(1, np.nan)
+            return np.concatenate([self._distances(end[None, :], epsilon) for end in ends])
+        return self._relative(found - ends[:, nx:])
 
     def _run(
         self, flow: Flow, start: Mapping[str, float], epsilon: float, *, method: Method | None = None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import sympy as sp
@@ -158,21 +158,7 @@ class Branch(Portable, Card):
 
     def moved_into(self, units: np.ndarray) -> Branch:
         """The branch of the same system with its states in `units` (n,), powers of two; itself where each is 1."""
-        if (units == 1.0).all():
-            return self
-        system = self.system
-        sizes = dict(zip(system.states, units))
-        x_units, y_units = np.split(units, [len(system.x)])
-        return replace(
-            self,
-            system=system.moved_into(units),
-            # Their zeros are the same, whatever they are divided by.
-            equations=tuple(in_units(dict(zip(system.y, self.equations)), sizes).values()),
-            graph=None if self.graph is None else in_units(self.graph, sizes),
-            seed=self.seed
-            and (tuple((self.seed[0] / x_units).tolist()), tuple((self.seed[1] / y_units).tolist())),
-            units=self.units and tuple((np.array(self.units) / units).tolist()),
-        )
+        return self if (units == 1.0).all() else _moved_into(self, tuple(units.tolist()))
 
     @cached_property
     def about_centres(self) -> Branch:
@@ -346,3 +332,21 @@ class Branch(Portable, Card):
 
     def __hash__(self) -> int:
         return hash((self.system, self.equations, self.seed))
+
+
+# Points of one manifold are asked for again and again, in units that change with them or not.
+@lru_cache(maxsize=16)
+def _moved_into(branch: Branch, units: tuple[float, ...]) -> Branch:
+    system, own = branch.system, np.array(units)
+    sizes = dict(zip(system.states, own))
+    x_units, y_units = np.split(own, [len(system.x)])
+    return replace(
+        branch,
+        system=system.moved_into(own),
+        # Their zeros are the same, whatever they are divided by.
+        equations=tuple(in_units(dict(zip(system.y, branch.equations)), sizes).values()),
+        graph=None if branch.graph is None else in_units(branch.graph, sizes),
+        seed=branch.seed
+        and (tuple((branch.seed[0] / x_units).tolist()), tuple((branch.seed[1] / y_units).tolist())),
+        units=branch.units and tuple((np.array(branch.units) / own).tolist()),
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -41,6 +41,7 @@ class LayerProblem:
     fixed: Mapping[sp.Symbol, float]
 
     @classmethod
+    @lru_cache(maxsize=16)
     def over_all(cls, system: SlowFastSystem) -> LayerProblem:
         """That in which every slow variable is free, the parameters at their values."""
         return cls(system, system.x, dict(zip(system.parameters, compile_flow(system).constants[1:].tolist())))
