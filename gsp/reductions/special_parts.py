@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.brevity import brief
 from gsp.algebra.laurent import laurent
 from gsp.choice.candidates import GRID_POINTS, LARGEST_LAYER
 from gsp.choice.forecast import LAYER_LEFT
@@ -40,7 +41,7 @@ class SpecialPart:
     def name(self) -> str:
         """Which parameters vanish, and on which manifold."""
         gone = ", ".join(self.small.vanishing)
-        on = ", ".join(f"{e.lhs} = 0" for e in self.small.manifold)
+        on = ", ".join(f"{brief(e.lhs)} = 0" for e in self.small.manifold)
         return f"motion onto {on}, for small {gone}"
 
     @property
