@@ -38,6 +38,9 @@ def in_pair(
     rates = dict(frame.rates)
     b, c = _coefficient(rates[u], v, pair, epsilon), _coefficient(rates[v], u, pair, epsilon)
     omega, kappa = _rotation(flow, b, c)
+    if phase is not None and not pole_order(sp.expand(omega / epsilon + rates[phase]), epsilon):
+        # The phase turns the other way round.
+        omega, kappa = -omega, -kappa
     p, q = sp.expand(rates.pop(u) - b * v / epsilon), sp.expand(rates.pop(v) - c * u / epsilon)
     bent = sp.Add(*[sp.diff(kappa, x) * rate for x, rate in rates.items() if kappa.has(x)])
     s = q / kappa - bent * v / kappa**2
@@ -95,5 +98,13 @@ def _rotation(flow: Flow, b: sp.Expr, c: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
             f"the pair does not turn: omega^2 = {square.xreplace(back)} is not positive.",
             "Where it is attracted or repelled, `split` finds what is fast.",
         )
-    omega = sp.sqrt(square)
+    # Of a square its root, of either sign: where it keeps its sign it is smooth, and sqrt(z^2) is not.
+    root = sp.Mul(
+        *[
+            base ** (k // 2)
+            for base, k in square.as_powers_dict().items()
+            if k.is_Integer and not base.is_number
+        ]
+    )
+    omega = root * sp.sqrt(square / root**2)
     return omega.xreplace(back), sp.factor(omega / b.xreplace(positive)).xreplace(back)
