@@ -203,6 +203,22 @@ def test_a_pendulum_stands_upright_where_its_averaged_potential_says_so(strength
     assert (np.abs(run["q"]).max() < 0.3) == upright
 
 
+@pytest.mark.parametrize(
+    ("gain", "mean"),
+    [
+        (1 / (1 + u**2 + 9 * v**2) - sp.Rational(1, 5), 1 / (1 + r**2) - sp.Rational(1, 5)),
+        (1 - sp.sqrt(u**2 + 9 * v**2), 1 - r),
+        (-sp.log(1 + sp.sqrt(u**2 + 9 * v**2)), -sp.log(1 + r)),
+    ],
+    ids=["a saturable gain", "a root", "a logarithm"],
+)
+def test_functions_of_the_amplitude_are_constant_along_the_phase(gain: sp.Expr, mean: sp.Expr) -> None:
+    field = gsp.VectorField({u: 3 * v / epsilon + gain * u, v: -u / (3 * epsilon)}, epsilon=epsilon)
+    found = gsp.average(scene(field, PAIR, {"u": 1, "v": 0.1}, epsilon=0.05), order=1)
+    assert sp.simplify(found.averaged_field[0][r] - r * mean / 2) == 0
+    assert gsp.compare_averaged(found).slopes[1] == pytest.approx(2, abs=0.12)
+
+
 def test_energy_over_frequency_stays_where_the_frequency_moves() -> None:
     field = gsp.VectorField({u: v / epsilon, v: -(w**2) * u / epsilon, w: 1}, epsilon=epsilon)
     found = gsp.average(field, pair=(u, v), region={"w": (1, 2)}, order=2)
