@@ -147,6 +147,22 @@ def test_special_values_are_told_without_errors_where_the_run_ends_early(tmp_pat
     assert "Errors were not measured." in told
 
 
+def test_manifolds_and_rates_at_special_values_are_cut_where_they_are_long(tmp_path) -> None:
+    model = tmp_path / "cubic.toml"
+    model.write_text(
+        "[parameters]\na = 3\nb = 0.2\nc = 2\nd = 0.4\nh = 0.3\nk = 0.01\n"
+        '[states]\nx = "a*(1 - x)*(b + x)^3 - c*x*y/(h + y)^2"\ny = "c*x*y/(h + y)^2 - d*y*(1 + y)^3"\n'
+        'z = "k*(x*y - z)"\nw = "k*(1 + x + y + z - w)^9"\n[start]\nx = 0.5\ny = 0.5\nz = 0.5\nw = 1\n'
+        "[scene]\nspan = [0, 20]\n",
+        encoding="utf-8",
+    )
+    kept = [word for name in "abcd" for word in ("--keep", name)]
+    told = run("scales", str(model), "--parameters", *kept).output
+    # A line holds 240 characters of each of two equations, and less of a rate.
+    assert max(map(len, told.splitlines())) < 600
+    assert "operations)" in told or "terms)" in told
+
+
 def test_slow_rates_in_fast_time_are_told(tmp_path) -> None:
     model = tmp_path / "fast_time.toml"
     model.write_text(

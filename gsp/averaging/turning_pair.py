@@ -38,6 +38,9 @@ def in_pair(
     rates = dict(frame.rates)
     b, c = _coefficient(rates[u], v, pair, epsilon), _coefficient(rates[v], u, pair, epsilon)
     omega, kappa = _rotation(flow, b, c)
+    if phase is not None and not pole_order(sp.expand(omega / epsilon + rates[phase]), epsilon):
+        # The phase turns the other way round.
+        omega, kappa = -omega, -kappa
     p, q = sp.expand(rates.pop(u) - b * v / epsilon), sp.expand(rates.pop(v) - c * u / epsilon)
     bent = sp.Add(*[sp.diff(kappa, x) * rate for x, rate in rates.items() if kappa.has(x)])
     s = q / kappa - bent * v / kappa**2
@@ -46,11 +49,11 @@ def in_pair(
         psi, r = sp.Symbol(free("theta")), sp.Symbol(free("r"))
         cos, sin = sp.cos(psi), sp.sin(psi)
         states: Values = {u: r * cos, v: -kappa * r * sin}
-        p, s = p.xreplace(dict(states)), s.xreplace(dict(states))
+        p, s = (_in_frame(e, states, psi, r) for e in (p, s))
         new = {r: p * cos - s * sin, psi: omega / epsilon - (p * sin + s * cos) / r}
         old = {r: sp.sqrt(u**2 + (v / kappa) ** 2), psi: sp.atan2(-v / kappa, u)}
     else:
-        psi, A, B = phase, sp.Symbol(free("A")), sp.Symbol(free("B"))
+        psi, r, A, B = phase, None, sp.Symbol(free("A")), sp.Symbol(free("B"))
         cos, sin = sp.cos(psi), sp.sin(psi)
         states = {u: A * cos + B * sin, v: kappa * (B * cos - A * sin)}
         detuning = sp.expand(omega / epsilon - rates[psi])
@@ -60,12 +63,24 @@ def in_pair(
                 f"Near resonance the two differ by a detuning without 1/{epsilon}; elsewhere name the pair alone, or "
                 "the phase alone.",
             )
-        p, s, d = (e.xreplace(dict(states)) for e in (p, s, detuning))
+        p, s, d = (_in_frame(e, states, psi, r) for e in (p, s, detuning))
         new = {A: d * B + p * cos - s * sin, B: -d * A + p * sin + s * cos}
         old = {A: u * cos - v / kappa * sin, B: u * sin + v / kappa * cos}
-    others = {z: rate.xreplace(dict(states)) for z, rate in rates.items()}
+    others = {z: _in_frame(rate, states, psi, r) for z, rate in rates.items()}
     kept = {z: e for z, e in frame.coordinates.items() if z not in pair}
     return TurningFrame({**new, **others}, {**old, **kept}, {**frame.inverse, **states}), psi
+
+
+def _in_frame(rate: sp.Expr, states: Values, phase: sp.Symbol, size: sp.Symbol | None) -> sp.Expr:
+    """`rate` with `states` put in; functions of u^2 + w^2 do not hold the phase, and its root is the `size`."""
+    sin, cos, rule = sp.sin(phase), sp.cos(phase), dict(states)
+    positive = {} if size is None else {size: sp.Dummy(positive=True)}
+    for piece in rate.atoms(sp.Function, sp.Pow):
+        if piece.has(*states):
+            turned = sp.expand(piece.xreplace(dict(states)).xreplace(positive)).subs(sin**2, 1 - cos**2)
+            if not (plain := sp.expand(turned)).has(phase):
+                rule[piece] = plain.xreplace({new: old for old, new in positive.items()})
+    return rate.xreplace(rule)
 
 
 def _coefficient(rate: sp.Expr, other: sp.Symbol, pair: Pair, epsilon: sp.Symbol) -> sp.Expr:
@@ -95,5 +110,13 @@ def _rotation(flow: Flow, b: sp.Expr, c: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
             f"the pair does not turn: omega^2 = {square.xreplace(back)} is not positive.",
             "Where it is attracted or repelled, `split` finds what is fast.",
         )
-    omega = sp.sqrt(square)
+    # Of a square its root, of either sign: where it keeps its sign it is smooth, and sqrt(z^2) is not.
+    root = sp.Mul(
+        *[
+            base ** (k // 2)
+            for base, k in square.as_powers_dict().items()
+            if k.is_Integer and not base.is_number
+        ]
+    )
+    omega = root * sp.sqrt(square / root**2)
     return omega.xreplace(back), sp.factor(omega / b.xreplace(positive)).xreplace(back)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gsp.algebra.brevity import brief
 from gsp.cli.asking import asks, json_option
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, give, print_json, progress_bar, tell
@@ -84,7 +85,7 @@ def _tell_scalings(scene: Scene, as_json: bool) -> None:
     for each in found:
         tell(each)
         for state, rate in each.field.equations.items():
-            tell(f"    {state}' = {rate}")
+            tell(f"    {state}' = {brief(rate)}")
     if not found:
         tell(f"No other scaling by small powers of {scene.system.epsilon} brings out fast variables.")
 
@@ -135,7 +136,7 @@ def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None
             click.echo("    the reduction has more terms than the exact algebra forms")
             continue
         for state, rate in each.reduced.items():
-            tell(f"    {state}' = {rate}")
+            tell(f"    {state}' = {brief(rate)}")
         if each.error is not None and isfinite(each.error):
             end = shown_ends(scene.span)[1]
             click.echo(f"    error at these values behind the layer, to t = {end}: {each.error:.2g}")

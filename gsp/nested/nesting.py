@@ -18,7 +18,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.brevity import brief
-from gsp.algebra.factorisation import factored
+from gsp.algebra.factorisation import factor_list, factored, factors
 from gsp.algebra.laurent import laurent, misplaced_epsilon, pole_order
 from gsp.errors import BudgetError, DegenerateError, SplittingError
 from gsp.integration.reduced_flow import ReducedFlow
@@ -156,13 +156,17 @@ class Nesting(Portable, Drawn):
 
     def _by_powers(self, rows: Iterable[Values]) -> Mapping[Powers, Mapping[sp.Symbol, sp.Expr]]:
         first, second = self.small
+        # What vanishes on an implicit C2, and all multiples of it.
+        held = [factors(e, self.second.system.y) for e in self.second.branch.equations]
+        gone = {each[0] for each in held if len(each) == 1}
         found: dict[Powers, dict[sp.Symbol, sp.Expr]] = {}
         for n, row in enumerate(rows):
             for symbol, value in row.items():
                 # Of the degree n in sigma, so that the power of the first says that of the second.
                 for i, coefficient in laurent(value, first, order=n).items():
                     told = factored(coefficient.xreplace({second: sp.Integer(1)}))
-                    found.setdefault((i, n - self.weight * i), {})[symbol] = told
+                    if gone.isdisjoint(e for e, _ in factor_list(told)[1]):
+                        found.setdefault((i, n - self.weight * i), {})[symbol] = told
         return MappingProxyType(
             {k: MappingProxyType(found[k]) for k in sorted(found, key=lambda k: (sum(k), k))}
         )

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.laurent import laurent
+from gsp.algebra.brevity import brief
+from gsp.algebra.laurent import laurent, pole_order
 from gsp.choice.candidates import GRID_POINTS, LARGEST_LAYER
 from gsp.choice.forecast import LAYER_LEFT
 from gsp.errors import GspError
@@ -28,6 +29,9 @@ from gsp.systems.tolerances import absolute_tolerance
 # Runs that rank the candidates.
 RTOL = 1e-6
 
+# Layers by the vanishing parameters that divide in them, and the order of the ray's pole.
+Layers = dict[tuple[frozenset[str], int], VectorField]
+
 
 @dataclass(frozen=True)
 class SpecialPart:
@@ -40,7 +44,7 @@ class SpecialPart:
     def name(self) -> str:
         """Which parameters vanish, and on which manifold."""
         gone = ", ".join(self.small.vanishing)
-        on = ", ".join(f"{e.lhs} = 0" for e in self.small.manifold)
+        on = ", ".join(f"{brief(e.lhs)} = 0" for e in self.small.manifold)
         return f"motion onto {on}, for small {gone}"
 
     @property
@@ -93,44 +97,60 @@ def with_errors(
     if not run.status.ok:
         return tuple(found)
     measured = []
+    layers: Layers = {}
     for k, each in enumerate(found):
         progress(k / len(found))
         runs = each.is_within_reach and each.graph is not None
-        measured.append(replace(each, error=_error(scene, run, each)) if runs else each)
+        measured.append(replace(each, error=_error(scene, run, each, layers)) if runs else each)
     return tuple(sorted(measured, key=lambda each: each.error if each.error is not None else float("inf")))
 
 
-def _error(scene: Scene, run: Trajectory, small: SmallParameter) -> float:
+def _layer(small: SmallParameter, known: Layers) -> VectorField:
+    """The leading part of the field along the ray, without its 1/epsilon.
+
+    Of the vanishing parameters those that stand below a line are on the ray, and the others are 0 in what is `known`
+    of these: its code is compiled once.
+    """
+    field, epsilon, whole, order = small.original, small.epsilon, small.critical.whole, small.critical.ray.order
+    below = {p.name for p, i in whole.places.items() for _, b in whole.rates if any(k[i] for k, _ in b)}
+    divides = frozenset(below & set(small.vanishing))
+    if (divides, order) not in known:
+        ray = {p: epsilon * p for p in field.parameters if p.name in divides}
+        rates = {z: rate.xreplace(ray) / epsilon ** (1 - order) for z, rate in field.equations.items()}
+        if any(pole_order(rate, epsilon) > 1 for rate in rates.values()):
+            # As of p/q^2 with both on it.
+            rates, divides = small.field.equations, frozenset(small.vanishing)
+        layer = {z: laurent(rate, epsilon, order=-1).get(-1, sp.S.Zero) for z, rate in rates.items()}
+        known[divides, order] = VectorField(layer, parameters=field.parameters)
+    return known[divides, order].with_parameters(**dict.fromkeys(set(small.vanishing) - divides, 0.0))
+
+
+def _error(scene: Scene, run: Trajectory, small: SmallParameter, layers: Layers) -> float:
     first, last = scene.span
-    epsilon = small.epsilon
-    layer = VectorField(
-        {z: laurent(rate, epsilon, order=-1).get(-1, sp.S.Zero) for z, rate in small.field.equations.items()},
-        parameters=small.original.parameters,
-    )
 
     def over(flow: VectorField, start: dict[str, float]) -> Trajectory:
         atol = absolute_tolerance(RTOL, scene.region, start)
         return trajectory_of(flow, start=start, span=scene.span, epsilon=None, rtol=RTOL, atol=atol)
 
     try:
+        landing = over(_layer(small, layers), dict(scene.start))
+        if not landing.status.ok or not _is_on(small, landing.y[:, -1], scene):
+            return float("inf")
+        size = np.abs(landing.y).max(axis=1)
+        away = (np.abs(landing.y - landing.y[:, -1:]) / np.where(size > 0.0, size, 1.0)[:, None]).max(axis=0)
+        felt = np.flatnonzero(away > LAYER_LEFT * scene.tolerance)
+        begun = first if not felt.size else float(landing.t[min(felt[-1] + 1, len(landing.t) - 1)])
+        # As of any candidate: what is told behind a longer layer is told of the end of the run.
+        if not begun - first <= LARGEST_LAYER * (last - first):
+            return float("inf")
         # Refused where a rate of the reduction divides by 0 at the scene's own values.
         reduced = small.reduced_field
-        landing = over(layer, dict(scene.start))
-        if not landing.status.ok:
-            return float("inf")
         names = [s.name for s in reduced.states]
-        landed = dict(zip((s.name for s in layer.states), landing.y[:, -1]))
+        landed = dict(zip((s.name for s in landing.flow.states), landing.y[:, -1]))
         own = over(reduced, {name: landed[name] for name in names})
     except GspError:
         return float("inf")
-    if not own.status.ok or not _is_on(small, landing.y[:, -1], scene):
-        return float("inf")
-    size = np.abs(landing.y).max(axis=1)
-    away = (np.abs(landing.y - landing.y[:, -1:]) / np.where(size > 0.0, size, 1.0)[:, None]).max(axis=0)
-    felt = np.flatnonzero(away > LAYER_LEFT * scene.tolerance)
-    begun = first if not felt.size else float(landing.t[min(felt[-1] + 1, len(landing.t) - 1)])
-    # As of any candidate: what is told behind a longer layer is told of the end of the run.
-    if not begun - first <= LARGEST_LAYER * (last - first):
+    if not own.status.ok:
         return float("inf")
     times = spread_times(run, begun, last, GRID_POINTS)
     exact, kept = run.sample(times), own.sample(times)

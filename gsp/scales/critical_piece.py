@@ -12,6 +12,7 @@ import itertools
 from collections.abc import Sequence
 from functools import cached_property
 
+import flint
 import sympy as sp
 
 from gsp.algebra.polynomials import primitive_multiple
@@ -69,7 +70,24 @@ class CriticalPiece:
         """Top and denominator on the piece, within the ring's budget."""
         for psi in self.piece.equations:
             self.whole.ring.spend(polynomial, psi)
-        return self.piece.restricted(polynomial)
+        top, below = self.piece.restricted(polynomial)
+        return top.subs(self._fixed), below.subs(self._fixed)
+
+    @cached_property
+    def _fixed(self) -> dict[str | int, flint.fmpq]:
+        """Functions of one rational value on the manifold, as sqrt(z) and tanh(z) on z = 0, by their generators."""
+        if not self.piece.is_linear:
+            return {}
+        ring, states = self.whole.ring, {i: state for state, i in self.whole.places.items()}
+        known = {}
+        for v in self.piece.pivots:
+            top, below = (
+                ring.to_sympy(RingElement(ring, part, ()))
+                for part in self.piece.restricted(ring.context.gen(v))
+            )
+            known[states.get(v, self.whole.functions.get(v))] = top / below
+        values = {i: function.xreplace(known) for i, function in self.whole.functions.items()}
+        return {i: flint.fmpq(int(c.p), int(c.q)) for i, c in values.items() if c.is_Rational}
 
     def _element(self, top: Polynomial, below: Polynomial) -> RingElement:
         ring = self.whole.ring

@@ -79,11 +79,16 @@ class PolynomialField:
             p: sp.Dummy(real=True, negative=value < 0, zero=value == 0)
             for p, value in self.field.parameters.items()
         }
-        context = self.ring.context
-        for i in range(min(self.places.values())) if self.has_functions else ():
-            function = self.ring.to_sympy(RingElement(self.ring, context.gen(i), ())).xreplace(known)
-            signs[i] = 1 if function.is_positive else -1 if function.is_negative else None
+        for i, function in self.functions.items():
+            told = function.xreplace(known)
+            signs[i] = 1 if told.is_positive else -1 if told.is_negative else None
         return signs
+
+    @cached_property
+    def functions(self) -> Mapping[int, sp.Expr]:
+        """The functions of states among the generators."""
+        context, count = self.ring.context, min(self.places.values()) if self.has_functions else 0
+        return {i: self.ring.to_sympy(RingElement(self.ring, context.gen(i), ())) for i in range(count)}
 
     @cached_property
     def _in_functions(self) -> set[sp.Symbol]:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.algebra.brevity import brief
 from gsp.algebra.centres import centres
 from gsp.errors import BudgetError, DeclarationError, Status
 from gsp.results.card import Card
@@ -165,7 +166,7 @@ class SmallParameter(Portable, Card):
 
     def __str__(self) -> str:
         gone = ", ".join(f"{name} -> 0" for name in self.vanishing)
-        equations = ", ".join(f"{e.lhs} = 0" for e in self.manifold)
+        equations = ", ".join(f"{brief(e.lhs)} = 0" for e in self.manifold)
         verdict = {True: "attracts", False: "does not attract", None: "undecided whether it attracts"}
         where = ", has no points with positive states" if self.is_positive is False else ""
         return f"{gone}: {equations}, {verdict[self.attracts]}{where}"

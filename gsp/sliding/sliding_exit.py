@@ -54,7 +54,8 @@ class SlidingExit(Card):
     """A fold of one field on the surface: its `kind`, the `point` by name, and the `side` whose field is tangent.
 
     `side` is 1 for X+ and -1 for X-; `bending` is beta and `push` gamma of (1), both counted away from the side; `end`
-    is that of the law there. `velocity` (n,) is that of the tangent field.
+    is that of the law there. `velocity` (n,) is that of the tangent field, and `lift` (n,) where its fold goes as |s|
+    grows there: orbits leave from s = w_e epsilon.
     """
 
     kind: LossKind
@@ -64,6 +65,7 @@ class SlidingExit(Card):
     push: float
     end: LawEnd
     velocity: np.ndarray
+    lift: np.ndarray
 
     @property
     def exponent(self) -> sp.Rational | None:
@@ -89,10 +91,9 @@ class SlidingExit(Card):
 
     def exit(self, epsilon: float) -> dict[str, float]:
         """The point at which orbits leave, by name, to leading order."""
-        late = self.time(epsilon)
-        return {
-            name: value + late * float(rate) for (name, value), rate in zip(self.point.items(), self.velocity)
-        }
+        # Where n = 1 both are of the order epsilon.
+        moved = self.time(epsilon) * self.velocity + epsilon * self.end.place * self.lift
+        return {name: value + float(more) for (name, value), more in zip(self.point.items(), moved)}
 
     def __repr__(self) -> str:
         return f"SlidingExit({self.kind} of X{'+' if self.side > 0 else '-'} at {in_words(self.point)})"
@@ -146,6 +147,8 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
         place, compile_flow(flow).constants
     )
     bending, push, velocity = float(side * values[0]), float(side * values[1]), values[2:]
+    slopes = tangencies[0 if side > 0 else 1].jacobian(place)
+    lift = sizes * np.linalg.lstsq(slopes * sizes, np.array([side, 0.0]))[0]
     two = least_norm_newton(both, place, sizes, CLOSE)
     kind = LossKind.VISIBLE_FOLD if bending > 0.0 else LossKind.INVISIBLE_FOLD
     if two is not None and (np.abs(two - place) <= ZERO * sizes).all():
@@ -163,7 +166,7 @@ def sliding_exit(field: PiecewiseField, fold: Point, *, phi: str | sp.Expr | Swi
             got=f"Y of the other field is {push * side:.3g}",
         )
     point = MappingProxyType({s.name: float(v) for s, v in zip(field.states, place)})
-    return SlidingExit(kind, point, side, bending, push, law.upper if side > 0 else law.lower, velocity)
+    return SlidingExit(kind, point, side, bending, push, law.upper if side > 0 else law.lower, velocity, lift)
 
 
 def _sizes(both: _Tangency, given: np.ndarray) -> np.ndarray:

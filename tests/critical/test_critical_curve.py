@@ -742,3 +742,24 @@ def test_a_curve_far_from_the_origin_is_told_so_that_its_ends_are_told_apart() -
     text = str(gsp.continue_critical(system, start={"x": c, "y": c}, bounds=bounds))
     assert "x from 999999 to 1000000.25" in text
     assert "forward BOUND_REACHED at x = 1000000.25" in text
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [
+        (y1 * (1 - y1) - (x + 1) * sp.sqrt(y1), y1 - y2),
+        (y1 * y2 - (x + 1) * sp.sqrt(y1) - y1 / 2, 1 - y2 - y1 * y2),
+    ],
+    ids=["a herd", "a chemostat"],
+)
+@pytest.mark.parametrize("least", [-1, 0])
+def test_a_curve_that_ends_with_the_domain_of_a_root_is_followed_up_to_there(rates, least: int) -> None:
+    """At y1 = 0 there are no slopes, and beyond it there is nothing."""
+    curve = continue_critical(
+        several(*rates),
+        start={"x": -0.9, "y1": 0.5, "y2": 0.6},
+        bounds={"x": (-3, 1), "y1": (least, 1.1), "y2": (-1, 2)},
+    )
+    assert curve["y1"].min() < 1e-6
+    assert [point.kind for point in curve.special] == [LossKind.FOLD]
+    assert [s.unstable for s in curve.segments] == [0, 1]

@@ -36,6 +36,12 @@ def test_a_special_row_belongs_to_both_runs_and_is_stable_in_what_lies_on_the_ax
     assert runs([[-1, 3], [0, 3], [1, 3]], (1,)) == ([1, 1, 2], [(0, 1, 1, "saddle"), (1, 2, 2, "repelling")])
 
 
+def test_a_row_without_eigenvalues_is_as_stable_as_the_one_before() -> None:
+    nan = np.nan
+    assert runs([[1], [1], [nan]]) == ([1, 1, 1], [(0, 2, 1, "repelling")])
+    assert runs([[nan], [1], [nan], [-1]]) == ([1, 1, 1, 0], [(0, 2, 1, "repelling"), (3, 3, 0, "attracting")])
+
+
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_every_row_lies_in_a_run(count: int) -> None:
     rng = np.random.default_rng(count)

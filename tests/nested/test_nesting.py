@@ -207,6 +207,14 @@ def test_implicit_manifolds_are_nested_too() -> None:
     assert f"{x0} on the right of what follows is of the point of C2 over z, on the left" in found.explain()
 
 
+def test_what_vanishes_on_an_implicit_inner_manifold_is_no_term() -> None:
+    """x moves with y alone, which stands still on C2: there is no epsilon and no epsilon^2 without delta."""
+    rates = {z: x - z, y: (z - y - y * x / 4) / delta, x: (y**2 - x + z) / (epsilon * delta)}
+    found = gsp.nest(scene(rates, region={"z": (0.2, 3), "y": (0, 3), "x": (0, 4)}), small=["epsilon", "delta"])
+    assert not found.second.branch.is_explicit
+    assert set(found.manifold) == set(found.reduced_field) == {(0, 0), (0, 1), (0, 2), (1, 1)}
+
+
 @pytest.mark.exhaustive
 def test_time_may_be_that_of_any_scale() -> None:
     """epsilon x' with delta z', and the fastest time, in which neither divides, have the series of the slow time."""

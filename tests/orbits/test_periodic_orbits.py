@@ -523,6 +523,20 @@ def test_a_run_that_comes_to_rest_to_the_last_bit_settles_at_the_equilibrium(rat
         gsp.periodic_orbit(gsp.VectorField(rates, epsilon=None), start={"x": 0.5, "y": 0.1})
 
 
+HERD = sp.sqrt(x) / (1 + R(3, 2) * sp.sqrt(x))
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [{x: -sp.sqrt(x) - 1, y: -y}, {x: 2 * x * (1 - x) - 2 * HERD * y, y: y * (HERD - R(1, 5))}],
+    ids=["a draining tank", "a herd that dies out"],
+)
+def test_a_run_that_leaves_the_domain_of_the_field_is_at_no_rest(rates) -> None:
+    # Its last steps shrink towards the edge, where the rates are not 0.
+    with pytest.raises(OrbitError, match="ends with NON_FINITE"):
+        gsp.periodic_orbit(gsp.VectorField(rates), start={"x": 0.3, "y": 0.6})
+
+
 def test_a_run_that_goes_on_at_a_constant_speed_leaves_for_infinity() -> None:
     with pytest.raises(OrbitError, match="leaves for infinity"):
         gsp.periodic_orbit(gsp.VectorField({x: 1 + y, y: -y}, epsilon=None), start={"x": 0.5, "y": 0.1})

@@ -8,10 +8,10 @@ import sympy as sp
 
 import gsp
 from gsp.integration.trajectory import trajectory_of
-from gsp.reductions.special_parts import with_errors
+from gsp.reductions.special_parts import Layers, _layer, with_errors
 from gsp.scales.special_values import small_parameters
 
-u, v, a, b = sp.symbols("u v a b")
+u, v, a, b, k, x, y = sp.symbols("u v a b k x y")
 
 
 def errors(rates: dict, values: dict, start: dict, end: float) -> dict[tuple[str, ...], float | None]:
@@ -58,3 +58,25 @@ def test_a_reduction_that_divides_by_zero_at_the_own_values_is_not_told() -> Non
     rates = {u: -u, v: (a * v - b * v + u) * 50 * b}
     found = errors(rates, {a: 1, b: 1}, {"u": 1, "v": 1}, 5)
     assert all(error is None or not np.isfinite(error) for error in found.values())
+
+
+@pytest.mark.parametrize(
+    "rates",
+    [
+        {x: (y - x) / a - b * x * y, y: b * (1 - y) - k * x},
+        {x: a / (a + b) * (y - x), y: k * (1 - y)},
+        {x: (y - x) * a / b**2 - k * x, y: a * x - y},
+    ],
+    ids=["one that divides", "a ratio of two", "a ratio to a square"],
+)
+def test_the_layer_is_the_leading_part_along_the_ray_whatever_was_known_before(rates) -> None:
+    field = gsp.VectorField(rates, parameters={a: 0.1, b: 0.2, k: 0.3})
+    known: Layers = {}
+    found = small_parameters(field)
+    for each in found:
+        layer = _layer(each, known)
+        for z, rate in each.field.equations.items():
+            leading = sp.limit(each.epsilon * rate, each.epsilon, 0).xreplace(dict(field.parameters))
+            assert sp.simplify(layer.equations[z].xreplace(dict(layer.parameters)) - leading) == 0
+    assert found
+    assert len(known) <= len({each.vanishing for each in found})

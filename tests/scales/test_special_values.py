@@ -326,3 +326,25 @@ def test_amounts_counted_from_elsewhere_are_as_positive(far: int) -> None:
                 assert sp.simplify(e.xreplace(more) - far - here.graph[z]) == 0
             for z, e in there.reduced.items():
                 assert sp.simplify(e.xreplace(more) - here.reduced[z]) == 0
+
+
+@pytest.mark.parametrize(
+    ("loss", "said"),
+    [
+        # z' = -a loss to leading order: z = 0 attracts, and exponentially only where the slope there is not 0.
+        (z ** sp.Rational(3, 2), []),
+        (z * sp.log(1 + z), []),
+        (z * sp.sinh(z) ** 2, []),
+        (sp.sqrt(z) + z, []),
+        (z * (1 + sp.sqrt(z)), [True]),
+        (z * sp.exp(-z), [True]),
+    ],
+    ids=str,
+)
+def test_functions_of_a_state_that_vanishes_have_their_value_there(loss: sp.Expr, said: list) -> None:
+    found = small_parameters(field({x: b * (1 - x), z: -a * loss + k * x}, (a, b, k)), vanishing=["b", "k"])
+    at_zero = [each for each in found if each.graph == {z: 0}]
+    assert [each.attracts for each in at_zero] == said
+    for each in at_zero:
+        # a z = k x on the way there.
+        assert sp.simplify(each.reduced[x] - b * (1 - x)) == 0

@@ -65,6 +65,18 @@ def test_the_exit_has_the_exponent_and_the_prefactor_of_the_theory(phi, n) -> No
     assert found.exit(1e-6)["x"] == pytest.approx(late[-1], rel=max(0.02, 0.2 * 1e-6 ** (1.0 / (2 * n - 1))))
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_fold_that_moves_off_the_surface_is_left_where_it_is_at_the_end_of_the_law(side: int) -> None:
+    """Y+ = x + y/5: at s = epsilon it is 0 at x = -epsilon/5, and a clipped law leaves 2 epsilon later."""
+    bent, other = {x: 1 + side * y, y: side * (x + x**2 / 3) + y / 5}, {x: 2 * sp.S.One, y: side * (1 + x / 2)}
+    given = PiecewiseField(*((bent, other) if side > 0 else (other, bent)), y)
+    found = sliding_exit(given, {"x": 0, "y": 0}, phi="linear")
+    assert found.side == side
+    late = measured(given, "linear", np.array([1e-5]), {"x": -0.5, "y": 0.0}, 1.0, side)
+    assert found.exit(1e-5)["x"] == pytest.approx(late[0], rel=1e-2)
+    assert found.exit(1e-5) == pytest.approx({"x": 1.8e-5, "y": side * 1e-5}, rel=1e-9)
+
+
 def test_a_contact_order_need_not_be_whole() -> None:
     """n = 3/2: exponent 3/4, and T_n with it; the rest is of the size epsilon^(1/4) times what bends phi, here 0."""
     found = sliding_exit(field, {"x": 0, "y": 0}, phi=pure(sp.Rational(3, 2)))

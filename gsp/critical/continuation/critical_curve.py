@@ -196,8 +196,13 @@ Curve = TypeVar("Curve", bound=NamedCurve)
 
 
 def stability(eigenvalues: np.ndarray, special: Sequence[int]) -> tuple[np.ndarray, tuple[Segment, ...]]:
-    """Unstable count (m,) and the runs of it; an eigenvalue on the axis at a `special` row counts as stable."""
-    count = (np.real(eigenvalues) > 0.0).sum(axis=1)
+    """Unstable count (m,) and the runs of it; an eigenvalue on the axis at a `special` row counts as stable.
+
+    A row at which g_y is not finite, as at the end of a root's domain, counts like the one before.
+    """
+    known = np.flatnonzero(np.isfinite(eigenvalues).all(axis=1))
+    before = known[np.maximum(np.searchsorted(known, np.arange(len(eigenvalues)), side="right") - 1, 0)]
+    count = (np.real(eigenvalues[before]) > 0.0).sum(axis=1)
     rows = np.array(sorted(special), dtype=int)
     size = np.abs(eigenvalues[rows]).max(axis=1, keepdims=True, initial=0.0)
     count[rows] = (np.real(eigenvalues[rows]) > ZERO_EIGENVALUE * size).sum(axis=1)

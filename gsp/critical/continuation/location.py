@@ -195,9 +195,11 @@ class _SpecialPointSearch:
         # Each row in the sizes that its variables have there: where one runs away it has another at the ends.
         units = self.scales[:, -self.problem.size :, None]
         slopes = np.array([self.problem.jacobian(u) for u in self.points]) * self.scales[:, None, :] / units
-        sizes = np.linalg.svd(slopes, compute_uv=False)[:, -1]
+        # At the end of its domain, as of a root, g may have no slopes.
+        finite, sizes = np.isfinite(slopes).all(axis=(1, 2)), np.full(len(slopes), np.nan)
+        sizes[finite] = np.linalg.svd(slopes[finite], compute_uv=False)[:, -1]
         reach = np.full(len(sizes), np.inf)
-        before, after = np.maximum.accumulate(sizes), np.maximum.accumulate(sizes[::-1])[::-1]
+        before, after = np.fmax.accumulate(sizes), np.fmax.accumulate(sizes[::-1])[::-1]
         for row in np.flatnonzero(sizes < SAME_PLACE * np.minimum(before, after)):
             size = np.multiply.outer(self.scales[row], self.scales[row])
             bent = self.problem.second(self.points[row]) * size / units[row][:, None]

@@ -148,7 +148,8 @@ def _settled(
         lap = None if run.status.ok else _closed_lap(run, closes, atol)
         if lap is not None:
             return lap, run
-        if _at_rest(run, atol):
+        # Where a run ends early its steps shrink, and it moves little in them.
+        if (run.status.ok or run.status is Status.TOO_MANY_STEPS) and _at_rest(run, atol):
             return OrbitError(
                 f"there is no cycle here: the run from start settles at the equilibrium {last}.",
                 "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this "
