@@ -214,6 +214,7 @@ def choose(
             layer_error=layer_error,
             fast_measured=fast_measured,
             far=far_from_origin(forecast.study.system, names, forecast.study.region) if forecast else None,
+            limit_ends=_limit_ends(forecast),
         )
     )
     expected, measured = beside.errors(model, surface)
@@ -297,6 +298,12 @@ def _end_of(partial: Candidate | None, forecast: Forecast | None) -> dict[str, f
     run = forecast.prediction.runs[partial.order]
     last = run.sample(min(partial.holds_until, float(run.t[-1])))
     return {s.name: float(last[s.name][0]) for s in forecast.study.system.x}
+
+
+def _limit_ends(forecast: Forecast | None) -> tuple[float, str] | None:
+    """When the run of order 0 ends before the span does, and what it meets; None where it does not, or is not made."""
+    run = forecast.prediction.runs.get(0) if forecast else None
+    return None if run is None or run.status.ok else (float(run.t[-1]), run.status.meaning)
 
 
 def _full(scene: Scene, forecast: Forecast | None) -> tuple[Flow, Mapping[str, float]]:
