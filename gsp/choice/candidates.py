@@ -70,8 +70,9 @@ class Candidate:
 
     `order` is that of a reduced flow, else None. `holds_until` is the time up to which the model meets the tolerance
     and stays valid. `timings` are the seconds of a run by each measurement, and `seconds` the least of them. They,
-    `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it goes, of the full system
-    extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
+    `steps` and `field_calls` are for the span: of a reduced flow measured, of the full system extrapolated from a
+    piece; of a reduced flow whose run ends early they are as far as it holds, for a `share` of the span. `preparation`
+    seconds come once, whatever is run afterwards.
     `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
     predicted error of the full system is that of its integrator. A model that was not looked at has nan, and so has a
     full run that ends early. Where a full run over the span was made, for nothing else tells the error, it is that
@@ -91,6 +92,7 @@ class Candidate:
     failure: Failure | None = None
     is_measured: bool = False
     unseen: str = ""
+    share: float = 1.0
 
     @property
     def seconds(self) -> float:
@@ -167,7 +169,7 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     # Beyond a fold it would chatter; a run of no length has no cost.
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
-    # What a run over a smaller share of the span costs says nothing about the whole of it.
+    # A run over a smaller share of the span is no run.
     if not end - first > 1e-3 * (last - first):
         why = why or f"it ends as it begins: {prediction.runs[order].status.meaning}"
         return Trial(
@@ -183,9 +185,9 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     share, run = (end - first) / (last - first), again()
     candidate = Candidate(
         ModelKind.REDUCED, order, predicted, holds, (), forecast.preparation[order],
-        run.stats.steps / share, run.stats.field_calls / share, not why, why, failure,
+        run.stats.steps, run.stats.field_calls, not why, why, failure, share=share,
     )  # fmt: skip
-    return Trial(candidate, (again,), lambda seconds: seconds / share)
+    return Trial(candidate, (again,))
 
 
 def _untold(prediction: Prediction, order: int, times: np.ndarray) -> str:

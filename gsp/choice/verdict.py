@@ -17,6 +17,7 @@ from gsp.systems.system import SlowFastSystem
 
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
+CUT_SHORT = "Of a reduced run that ends before the span does, time and steps are as far as it holds."
 WITHIN_REGION = "A larger region or a shorter span would help."
 
 

@@ -120,7 +120,9 @@ def _may_be_stiff(choice: Choice, errors: Mapping[int, float]) -> bool:
     if reduced.order is None:
         return False
     ends = reduced.failure in (Failure.END, Failure.ORDER)
-    return (reduced.follows and not errors) or ((reduced.follows or ends) and reduced.steps > full.steps)
+    return (reduced.follows and not errors) or (
+        (reduced.follows or ends) and reduced.steps > full.steps * reduced.share
+    )
 
 
 def _is_separated(errors: Mapping[int, float]) -> bool:

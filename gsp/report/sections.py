@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts import has_constant_eigenvalues
-from gsp.choice.verdict import in_words
+from gsp.choice.verdict import CUT_SHORT, in_words
 from gsp.hyperbolicity.hyperbolicity import Condition, Kind
 from gsp.report.claims import claims_of
 from gsp.report.contacts import no_slip
@@ -400,13 +400,14 @@ class Page(Setting):
                 {
                     "name": name,
                     "chosen": c is found.model,
-                    "predicted": c.predicted,
+                    "predicted": c.predicted if math.isfinite(c.predicted) else math.nan,
                     "microseconds": 1e6 * c.seconds,
                     "steps": round(c.steps) if math.isfinite(c.steps) else "–",
                     "why": ": ".join(filter(None, ("serves" * c.valid, c.remark))),
                 }
                 for name, c in zip(names, found.candidates)
             ],
+            "cut_short": CUT_SHORT if any(c.share < 1.0 for c in found.candidates) else "",
             "is_measured": any(c.is_measured for c in found.candidates),
             "layer": found.layer,
             "piece": span(found.piece),
