@@ -48,8 +48,8 @@ def on_loss(validity: Validity, rows: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def begins(flow: ReducedFlow, rows: np.ndarray) -> np.ndarray:
-    """Whether a run begins at starts with these `tests` (..., outputs): above order 0 the series must hold there."""
-    return (rows[..., 2] > 0.0) | (flow.order == 0)
+    """Whether a run begins at starts with these `tests` (..., outputs): a series that is watched must hold there."""
+    return (rows[..., 2] > 0.0) | (not validity_of(flow).watches_series)
 
 
 class Ending:
