@@ -257,6 +257,11 @@ class Kind(StrEnum):
     SADDLE = "saddle"
     LOST = "lost"
 
+    @property
+    def adjective(self) -> str:
+        """What follows "the branch is"."""
+        return "of saddle type" if self is Kind.SADDLE else str(self)
+
 
 def kind_of(unstable: int, fast: int) -> Kind:
     if unstable == 0:

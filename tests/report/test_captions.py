@@ -14,7 +14,7 @@ from gsp.analysis.pictured_runs import landing_runs
 from gsp.charts import manifolds, sampling
 from gsp.charts.orbits import shrinks_in_proportion
 from gsp.charts.style import add_units
-from gsp.errors import Status
+from gsp.errors import DeclarationError, Status
 from gsp.hyperbolicity.hyperbolicity import Condition, Kind
 from gsp.report.captions import caption
 from gsp.report.reduction_limits import _as, _bound
@@ -89,6 +89,15 @@ def test_a_distance_is_drawn_up_to_where_the_manifold_is_known(
     text = said("distance", enzyme)
     assert "A line ends where its run leaves" in text
     assert "grey zone" not in text
+
+
+def test_no_distance_is_drawn_where_the_manifold_is_not_known_at_any_start(
+    enzyme: Analysis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sampling, "slow_manifold", lambda analysis, x: np.full((len(x), 1), np.nan))
+    assert "distance" not in charts.applicable(enzyme)
+    with pytest.raises(DeclarationError, match="no run starts where the slow manifold is known"):
+        charts.distance(enzyme)
 
 
 def test_landing_runs_start_within_the_region() -> None:
