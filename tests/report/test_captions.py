@@ -48,6 +48,17 @@ def test_a_limit_that_ends_at_a_fold_is_not_approached_in_proportion(enzyme: Ana
     assert "proportional" not in said("convergence", ended)
 
 
+def test_runs_that_ended_early_are_told_once_with_their_orders_and_epsilons(enzyme: Analysis) -> None:
+    found, lost, ends = enzyme.comparison, Status.HYPERBOLICITY_LOST, Status.SERIES_ENDS
+    fine = [Status.SUCCESS] * len(found.epsilons)
+    statuses = dict.fromkeys(found.errors, fine) | {0: [lost] * len(fine), 1: [ends, *fine[1:]]}
+    told = Page(replace(enzyme, comparison=replace(found, statuses=statuses))).errors()["stopped"]
+    assert told == [
+        f"A run of order 0 at each epsilon did not reach the end: {lost.meaning}.",
+        f"Of order 1 at {found.epsilons[0]:.3g} for epsilon a run did not reach the end: {ends.meaning}.",
+    ]
+
+
 def test_the_limit_is_drawn_as_far_as_runs_are_compared_with_it(enzyme: Analysis) -> None:
     short = enzyme.limit.sample(np.linspace(0.0, 0.25 * enzyme.limit.t[-1], 50))
     axes = charts.convergence(replace(enzyme, limit=short))
