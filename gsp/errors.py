@@ -218,7 +218,7 @@ class Status(Enum):
     HYPERBOLICITY_LOST = (
         EndKind.ENDS,
         "normal hyperbolicity is lost",
-        "lower epsilon, or shrink the region to where the fast eigenvalues keep their type",
+        "take a shorter span, a smaller region, or a start further from there; no epsilon is small enough across it",
     )
     SERIES_ENDS = (
         EndKind.ENDS,

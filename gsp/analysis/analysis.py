@@ -293,7 +293,7 @@ def _failures(study: Study, progress: Callable[[float], object]) -> tuple[Failur
 def _base_point(study: Study, order: int, hyperbolicity: Hyperbolicity) -> tuple[BasePoint | None, str]:
     """Base point of the fast fibre through the scene's start, or None and why there is none."""
     if hyperbolicity.kind not in (Kind.ATTRACTING, Kind.LOST):
-        return None, f"the branch is {hyperbolicity.kind}, so the start does not land on it"
+        return None, f"the branch is {hyperbolicity.kind.adjective}, so the start does not land on it"
     found = attempt("the base point", lambda: study.base_point(order))
     return (None, found.reason) if isinstance(found, Missing) else (found, NO_REASON)
 

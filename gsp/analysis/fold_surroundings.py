@@ -332,7 +332,11 @@ def _orbit(
     study: Study, hyperbolicity: Hyperbolicity
 ) -> tuple[SingularOrbit | None, tuple[float, float, float] | None, Reason]:
     if hyperbolicity.kind not in (Kind.ATTRACTING, Kind.LOST):
-        return None, None, Reason(f"the branch is {hyperbolicity.kind}, so no singular orbit starts on it")
+        return (
+            None,
+            None,
+            Reason(f"the branch is {hyperbolicity.kind.adjective}, so no singular orbit starts on it"),
+        )
     try:
         # Slow pieces of a singular orbit: orbits that close do so within a few, or creep to it like a
         # contraction.

@@ -21,7 +21,7 @@ from gsp.charts.contacts import no_slip
 from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.explosion import canard_cycles, canard_explosion
 from gsp.charts.failures import failure_map, failures_along, failures_by_tolerance
-from gsp.charts.manifolds import distance, manifold
+from gsp.charts.manifolds import approaches, distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.nested import nesting
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
@@ -160,7 +160,8 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts["critical_manifold"] = surroundings
     # In higher dimensions `manifold` is the distance already, and nothing when no run lands.
     seen = shape(analysis) in ((1, 1), (2, 1))
-    lands = "landing" in analysis.lost or bool(analysis.landing)
+    # Where runs start the manifold may not be known.
+    lands = "landing" in analysis.lost or bool(attempt("the distances", lambda: approaches(analysis)))
     if seen or lands:
         charts["manifold"] = manifold
     if seen and lands:

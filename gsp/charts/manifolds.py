@@ -139,7 +139,7 @@ def distance(analysis: Analysis, axes: Axes) -> None:
     """
     if not analysis.landing:
         raise DeclarationError(
-            f"no run lands on a manifold that is {analysis.hyperbolicity.kind}.",
+            f"no run lands on a manifold that is {analysis.hyperbolicity.kind.adjective}.",
             "Draw `manifold` instead.",
             got="an analysis without landing runs",
         )
@@ -185,13 +185,15 @@ def approaches(analysis: Analysis) -> list[Approach]:
 
 def _distance(analysis: Analysis, axes: Axes) -> None:
     gap, curves = analysis.hyperbolicity.gap, approaches(analysis)
+    if not curves:
+        raise DeclarationError(
+            "no run starts where the slow manifold is known: the terms of its series do not fall there.",
+            "Take a smaller epsilon, or a smaller region.",
+            got="distances that are not known",
+        )
     axes.set_xlabel(rf"fast time $\tau = t$/{mathematics(str(analysis.study.system.epsilon))}")
     fast = ", ".join(mathematics(y.name) for y in analysis.study.system.y)
     axes.set_ylabel(r"distance to $M_\epsilon$ in " + fast)
-    if not curves:
-        text = "the slow manifold is not known where runs start"
-        axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
-        return
     # Where the runs stop falling, the series and the runs themselves are known no better.
     level = 2.0 * max((each.tail for each in curves if each.lands and each.is_whole), default=0.0)
     tallest = max(float(each.gaps[0]) for each in curves)

@@ -70,8 +70,9 @@ class Candidate:
 
     `order` is that of a reduced flow, else None. `holds_until` is the time up to which the model meets the tolerance
     and stays valid. `timings` are the seconds of a run by each measurement, and `seconds` the least of them. They,
-    `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it goes, of the full system
-    extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
+    `steps` and `field_calls` are for the span: of a reduced flow measured, of the full system extrapolated from a
+    piece; of a reduced flow whose run ends early, and `ended` says where, they are as far as it holds, for a `share` of
+    the span. `preparation` seconds come once, whatever is run afterwards.
     `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
     predicted error of the full system is that of its integrator. A model that was not looked at has nan, and so has a
     full run that ends early. Where a full run over the span was made, for nothing else tells the error, it is that
@@ -91,6 +92,8 @@ class Candidate:
     failure: Failure | None = None
     is_measured: bool = False
     unseen: str = ""
+    share: float = 1.0
+    ended: str = ""
 
     @property
     def seconds(self) -> float:
@@ -134,6 +137,7 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     if order not in prediction.runs:
         why = f"not looked at: the series is run through order {max(prediction.runs)} only"
         return Trial(Candidate(ModelKind.REDUCED, order, holds_until=first, why_not=why))
+    status, reached = prediction.runs[order].status, prediction.covered(order)
     after = first + forecast.layer
     limit = left_to_model(scene.tolerance)
     predicted, holds, why = float("inf"), first, ""
@@ -152,8 +156,7 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
             failure = Failure.UNTOLD
             why = f"{failure}: {_untold(prediction, order, times)}"
         elif failure is Failure.END:
-            ended = min(holds, prediction.covered(order))
-            why = f"{failure} at t = {shown_within(ended, scene.span)}: {prediction.runs[order].status.meaning}"
+            why = f"{failure} at t = {shown_within(min(holds, reached), scene.span)}: {status.meaning}"
         elif failure is not None:
             told = _passing(predicted, scene.tolerance) if failure is Failure.ERROR else failure
             why = f"{told} at t = {shown_within(holds, scene.span)}"
@@ -165,11 +168,12 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
         elif prediction.crossing(order) < last:
             predicted = float("nan")
     # Beyond a fold it would chatter; a run of no length has no cost.
-    whole = prediction.runs[order].status.ok
-    end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
-    # What a run over a smaller share of the span costs says nothing about the whole of it.
+    whole = status.ok
+    ended = "" if whole else f"its run ends at t = {shown_within(reached, scene.span)}: {status.meaning}"
+    end = last if whole else min(max(holds, first + PIECE * (last - first)), reached)
+    # A run over a smaller share of the span is no run.
     if not end - first > 1e-3 * (last - first):
-        why = why or f"it ends as it begins: {prediction.runs[order].status.meaning}"
+        why = why or f"it ends as it begins: {status.meaning}"
         return Trial(
             Candidate(
                 ModelKind.REDUCED, order, predicted, holds,
@@ -183,9 +187,9 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
     share, run = (end - first) / (last - first), again()
     candidate = Candidate(
         ModelKind.REDUCED, order, predicted, holds, (), forecast.preparation[order],
-        run.stats.steps / share, run.stats.field_calls / share, not why, why, failure,
+        run.stats.steps, run.stats.field_calls, not why, why, failure, share=share, ended=ended,
     )  # fmt: skip
-    return Trial(candidate, (again,), lambda seconds: seconds / share)
+    return Trial(candidate, (again,))
 
 
 def _untold(prediction: Prediction, order: int, times: np.ndarray) -> str:

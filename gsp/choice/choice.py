@@ -32,7 +32,16 @@ from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import Forecast, SurfaceForecast, forecast_of
 from gsp.choice.measured_errors import measured_where_untold
 from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Failure
-from gsp.choice.verdict import Evidence, Verdict, far_from_origin, in_words, judge, seconds_shown, serving_of
+from gsp.choice.verdict import (
+    CUT_SHORT,
+    Evidence,
+    Verdict,
+    far_from_origin,
+    in_words,
+    judge,
+    seconds_shown,
+    serving_of,
+)
 from gsp.errors import NO_REASON, DeclarationError, GspError
 from gsp.integration.spread_times import spread_times
 from gsp.integration.trajectory import Trajectory
@@ -121,6 +130,8 @@ class Choice(Card, Tabular):
                 f"  {mark:2}{c.label:<10} {_shown(c.predicted):>9}  {seconds_shown(c.seconds):>9}  {steps:>7}  "
             )
             lines.append(f"{row}{seconds_shown(c.preparation):>8}  {c.remark}".rstrip())
+        if any(c.share < 1.0 for c in self.candidates):
+            lines.append(f"  {CUT_SHORT}")
         begin, end = (shown_within(t, self.scene.span) for t in self.piece)
         lines.append(
             f"  on t = {begin} to {end}: predicted {_shown(self.predicted_on_piece)}, "
@@ -214,6 +225,7 @@ def choose(
             layer_error=layer_error,
             fast_measured=fast_measured,
             far=far_from_origin(forecast.study.system, names, forecast.study.region) if forecast else None,
+            limit_ends=_limit_ends(forecast),
         )
     )
     expected, measured = beside.errors(model, surface)
@@ -297,6 +309,12 @@ def _end_of(partial: Candidate | None, forecast: Forecast | None) -> dict[str, f
     run = forecast.prediction.runs[partial.order]
     last = run.sample(min(partial.holds_until, float(run.t[-1])))
     return {s.name: float(last[s.name][0]) for s in forecast.study.system.x}
+
+
+def _limit_ends(forecast: Forecast | None) -> tuple[float, str] | None:
+    """When the run of order 0 ends before the span does, and what it meets; None where it does not, or is not made."""
+    run = forecast.prediction.runs.get(0) if forecast else None
+    return None if run is None or run.status.ok else (float(run.t[-1]), run.status.meaning)
 
 
 def _full(scene: Scene, forecast: Forecast | None) -> tuple[Flow, Mapping[str, float]]:

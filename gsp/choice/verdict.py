@@ -17,6 +17,7 @@ from gsp.systems.system import SlowFastSystem
 
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
+CUT_SHORT = "Of a reduced run that ends before the span does, time and steps are as far as it holds."
 WITHIN_REGION = "A larger region or a shorter span would help."
 
 
@@ -63,7 +64,8 @@ class Evidence:
     `layer_error` in it; not numbers where they count among `names`.
     `far` is what `far_from_origin` says of the names.
     `obstacle` says why there are no reduced candidates, `ending` why the series ends where the error of one of them is
-    not told; `place` is where in the slow variables the `partial` one ends.
+    not told; `place` is where in the slow variables the `partial` one ends. `limit_ends` says when the run of
+    order 0 ends before the span does, and what it meets, whatever epsilon is.
     """
 
     scene: Scene
@@ -79,6 +81,7 @@ class Evidence:
     layer_error: float = float("nan")
     fast_measured: Interval | None = None
     far: tuple[str, float] | None = None
+    limit_ends: tuple[float, str] | None = None
 
 
 def judge(evidence: Evidence) -> Verdict:
@@ -236,7 +239,8 @@ def _nearest(reduced: Sequence[Candidate]) -> Candidate:
     flows = [c for c in reduced if c.order is not None or c.failure is not None]
     furthest = max(c.holds_until for c in flows)
     reaching = [c for c in flows if c.holds_until >= furthest]
-    return min(reaching, key=lambda c: np.inf if np.isnan(c.predicted) else c.predicted)
+    # What is predicted to be off by all of its size, or more, is not seen to be nearer than another.
+    return min(reaching, key=lambda c: c.predicted if c.predicted < 1.0 else np.inf)
 
 
 def _is_longer(one: Candidate, other: Candidate, scene: Scene) -> bool:
@@ -260,6 +264,12 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
             f"A smaller {scene.system.epsilon}, about {enough:.1g}, or a longer span would help, because the initial "
             "layer takes most of this span."
         )
+    if evidence.limit_ends is not None and nearest.failure in (Failure.RATE, Failure.ORDER, Failure.ERROR):
+        time, meaning = evidence.limit_ends
+        return (
+            f"A smaller {scene.system.epsilon} or a larger tolerance would help up to t = "
+            f"{shown_within(time, scene.span)} only, where the limit's run ends: {meaning}."
+        )
     if nearest.failure is Failure.RATE:
         return f"A smaller {scene.system.epsilon} would help."
     if nearest.failure is Failure.UNTOLD:
@@ -276,7 +286,7 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
 def _enough(candidate: Candidate, scene: Scene) -> float:
     """The epsilon at which an error that falls like epsilon^(order + 1) meets the tolerance; 0 where none is told."""
     limit = left_to_model(scene.tolerance)
-    # An error within the limit is not what stands in the way.
-    if candidate.order is None or candidate.valid or not limit < candidate.predicted < np.inf:
+    # An error within the limit is not what stands in the way, and one of all there is falls by no power of epsilon.
+    if candidate.order is None or candidate.valid or not limit < candidate.predicted < 1.0:
         return 0.0
     return MARGIN * scene.epsilon * (limit / candidate.predicted) ** (1.0 / (candidate.order + 1))

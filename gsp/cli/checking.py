@@ -10,7 +10,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, check_parent, give, print_json, progress_bar, tell
+from gsp.cli.telling import check_interrupt, check_parent, give, print_json, progress_bar, tell, tell_notes
 from gsp.errors import DeclarationError, GspError
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def check(
     hyperbolicity is proved, 1 if it is refuted, and 3 if it is undecided. With --prove-cycle and --prove-passage it is
     0 if the proof holds for every epsilon up to the model's, and 3 otherwise.
     """
+    from gsp.scenes.sheet import explain_sheet
     from gsp.scenes.study import study_of
 
     if prove + prove_cycle + prove_passage > 1:
@@ -62,6 +63,7 @@ def check(
                 advance(1.0, "check")
                 found.save(output)
         _tell_up_to(study.scene, found, as_json)
+    tell_notes(explain_sheet(study.critical, study.branch, study.start, study.region))
     if prove:
         from gsp.slow_tubes.certify import certify
 

@@ -94,18 +94,25 @@ class Comparison(Drawn, Tabular):
             )
         return "\n".join([title, head, *rows, *self._missing(), *ending])
 
-    def _missing(self) -> list[str]:
-        """Lines that say why errors or slopes are no numbers."""
+    @property
+    def ended(self) -> dict[Status, str]:
+        """How runs ended early, with the orders and epsilons at which they did, as "0 to 2 at each; 3 at 0.01"."""
         ended: dict[Status, dict[str, list[int]]] = {}
         for n, statuses in self.statuses.items():
             for status in dict.fromkeys(s for s in statuses if not s.ok):
                 where = [f"{e:.3g}" for e, s in zip(self.epsilons, statuses) if s is status]
                 places = "each" if len(where) == len(self.epsilons) else ", ".join(where)
                 ended.setdefault(status, {}).setdefault(places, []).append(n)
-        lines = []
-        for status, by_place in ended.items():
-            text = "; ".join(f"{_orders(orders)} at {places}" for places, orders in by_place.items())
-            lines.append(f"  nan of order {text}: a run ended early, {status}")
+        return {
+            status: "; ".join(f"{_orders(orders)} at {places}" for places, orders in by_place.items())
+            for status, by_place in ended.items()
+        }
+
+    def _missing(self) -> list[str]:
+        """Lines that say why errors or slopes are no numbers."""
+        lines = [
+            f"  nan of order {orders}: a run ended early, {status}" for status, orders in self.ended.items()
+        ]
         without = [n for n in self.errors if not np.isfinite(self.slopes[n])]
         if exact := [n for n in without if self.is_exact(n)]:
             lines.append(f"  no slope of order {_orders(exact)}: the errors are within the reference's own")

@@ -312,9 +312,9 @@ class Branch(Portable, Card):
     def _require(self, good: np.ndarray, x: np.ndarray, fact: str) -> None:
         if not good.all():
             first = x[np.argmin(good)]
+            share = f" ({int((~good).sum())} of {len(good)} points)" if len(good) > 1 else ""
             raise BranchError(
-                f"{fact} over {self._shown(first)} ({int((~good).sum())} of {len(good)} points) on the "
-                f"branch {self}.",
+                f"{fact} over {self._shown(first)}{share} on the branch {self}.",
                 f"Move or shrink the range of {', '.join(s.name for s in self.system.x)}.",
             )
 

@@ -87,7 +87,10 @@ class CriticalManifold(Card):
         if middle is not None:
             return self.nearest(middle, region=region)
         if best is None:
-            raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
+            raise BranchError(
+                f"no branch of the critical manifold is real near the start: {'; '.join(r.fact for r in reasons)}.",
+                "Move the start's slow variables to where one is.",
+            )
         self._refuse_far_branch(x, y, best[0][1])
         sheet = self._with_its_digits(best[1], x, region)
         if sheet.seed is not None:

@@ -130,8 +130,8 @@ def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
             f"the branch {branch} is of saddle type over {where}: fast eigenvalues "
             f"{np.array2string(eigenvalues, precision=4)}.",
             "Its stable and unstable fibres differ, and a stable one passes only through starts on the "
-            "stable manifold, which rounding leaves at once. This is computed exactly, for layers that are "
-            "linear in the fast variables; here give a start on the slow manifold.",
+            "stable manifold, which rounding leaves at once: where a run lands is told only of layers that are linear "
+            "in the fast variables. Give a start on the slow manifold.",
         )
     if scale > SPREAD * np.abs(real).min():
         raise HyperbolicityError(

@@ -122,11 +122,14 @@ def _around_corners(
 def _nothing_inside(branch: Branch, box: Mapping[str, Interval]) -> BranchError:
     """What to say of a branch, or of its one sheet that is singled out, without a point in the region."""
     if branch.seed is None:
-        others = solve_critical(branch.system).no_graph
-        further = f" The critical manifold is more than graphs: there is {others} too." if others else ""
+        critical = solve_critical(branch.system)
+        graphs = [str(each) for each in critical.branches if each.equations != branch.equations]
+        further = f" Other branches are {', '.join(graphs)}." if graphs else ""
+        if critical.no_graph:
+            further += f" The critical manifold is more than graphs: there is {critical.no_graph} too."
         return BranchError(
             f"the branch {branch} has no real point in the region {shown_region(box)}.{further}",
-            "Move the region, or take another branch.",
+            "Move the region, or start near another branch." if graphs else "Move the region.",
         )
     values = (*branch.seed[0], *branch.seed[1])
     through = branch.system.place(zip(branch.system.states, values))
@@ -253,6 +256,11 @@ class Kind(StrEnum):
     REPELLING = "repelling"
     SADDLE = "saddle"
     LOST = "lost"
+
+    @property
+    def adjective(self) -> str:
+        """What follows "the branch is"."""
+        return "of saddle type" if self is Kind.SADDLE else str(self)
 
 
 def kind_of(unstable: int, fast: int) -> Kind:

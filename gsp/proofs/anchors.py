@@ -41,7 +41,7 @@ def point_over(
             return x, found[1]
     raise reason or BranchError(
         f"the branch {branch} has no real point that was found in the region.",
-        "Move the region, or take another branch.",
+        "Move the region, or start near another branch.",
     )
 
 

@@ -158,7 +158,7 @@ class Certificate(Card):
             lines.append(f"  witness: {self.witness.statement}")
         if self.verdict is ProofVerdict.UNDECIDED:
             lines.append(
-                f"  {len(self.boxes)} boxes proved, {len(self.undecided)} left, "
+                f"  boxes: {len(self.boxes)} proved, {len(self.undecided)} left, which are "
                 f"{at_most(self.undecided_volume, 3)} of the volume; {self.tried} tried"
             )
         return "\n".join(lines)

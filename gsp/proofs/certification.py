@@ -264,7 +264,8 @@ def _suspects(covering: Covering, failed: list[Box], start: np.ndarray) -> list[
     found = [part.suspect for part in covering.root.leaves() if part.piece is None and part.suspect is not None]
     found += [middle_of(face) for face in failed]
     found += [middle_of(part.box) for part in covering.root.leaves() if part.piece is None]
-    if failed:
+    # Where no part is undecided the branch ends somewhere on the way to one of these.
+    if failed or not found:
         found += [np.array(corner) for corner in np.array(covering.root.box).T]
     found.sort(key=lambda x: -float(np.abs(x - start).max()))
     step = max(1, len(found) // SUSPECTS)
@@ -281,7 +282,12 @@ def _why(problem: _BoxProblem, covering: Covering, failed: list[Box]) -> str:
         return f"{len(failed)} common faces of boxes are not glued: the boxes may hold different branches"
     if covering.undecided:
         return "the boxes that are left hold a loss, or come too near one to be told"
-    return "the boxes are proved, but not that they hold the point at which the branch was found"
+    names = [s.name for s in problem.equations.arguments]
+    where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, np.concatenate(problem.start)))
+    return (
+        f"the boxes are proved, but on another sheet than that through {where}, which ends on the way or was lost "
+        "from sight; a smaller region would help"
+    )
 
 
 def _undefined(problem: _BoxProblem, covering: Covering) -> str:

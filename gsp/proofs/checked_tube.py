@@ -68,7 +68,7 @@ class CheckedTube:
         series = [lettered(self.variables, *row)[1:] for row in self.series]
         legend = ", ".join(f"{z}{i} = {name}" for i, name in enumerate(self.variables))
         rows = [
-            f"the proof holds: {self.boxes} boxes were checked",
+            f"the proof holds; boxes checked: {self.boxes}",
             f"  over {box}, for every {self.small} in (0, {at_least(self.epsilon)}]",
             f"  of {', '.join(f'{name}` = {rate}' for name, rate in zip(self.slow, rates))},",
             f"  {', '.join(f'{self.small} {name}` = {rate}' for name, rate in zip(self.fast, equations))}",

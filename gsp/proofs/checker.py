@@ -61,7 +61,7 @@ class Checked:
         z, *equations = lettered(self.names, *self.equations)
         legend = ", ".join(f"{z}{i} = {name}" for i, name in enumerate(self.names))
         rows = [
-            f"the proof holds: {self.boxes} boxes were checked",
+            f"the proof holds; boxes checked: {self.boxes}",
             f"  over {box}",
             f"  one smooth branch of {', '.join(f'{e} = 0' for e in equations)} ({legend})",
             f"  {self.stable} stable and {self.unstable} unstable eigenvalues, "

@@ -84,7 +84,7 @@ def measure(scene: Scene, part: FastPart | SpecialPart, gaps: np.ndarray) -> dic
         why_not = "" if c.follows else c.why_not
         error = errors.get(c.order, float("nan"))
         if not why_not and c.order not in errors:
-            why_not = "its run does not reach the end with as many steps as the full run calls its field"
+            why_not = c.ended or "its run takes more steps than the full run calls its field"
         if not why_not and not _is_separated(errors):
             why_not = "to leading orders the error is more than a tenth: nothing is separated"
         if not why_not and not error <= left_to_model(scene.tolerance):
@@ -120,7 +120,9 @@ def _may_be_stiff(choice: Choice, errors: Mapping[int, float]) -> bool:
     if reduced.order is None:
         return False
     ends = reduced.failure in (Failure.END, Failure.ORDER)
-    return (reduced.follows and not errors) or ((reduced.follows or ends) and reduced.steps > full.steps)
+    return (reduced.follows and not errors) or (
+        (reduced.follows or ends) and reduced.steps > full.steps * reduced.share
+    )
 
 
 def _is_separated(errors: Mapping[int, float]) -> bool:

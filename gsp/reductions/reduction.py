@@ -36,8 +36,13 @@ class Reduction(Card):
 
     @property
     def seconds(self) -> float:
-        """Those of a run over the span."""
+        """Those of a run over the span, or as far as it holds."""
         return self.candidate.seconds
+
+    @property
+    def cost(self) -> float:
+        """The same over those of the full system, which runs as far as it goes itself."""
+        return self.seconds / (self.full_seconds * self.candidate.share)
 
     def as_dict(self) -> dict[str, object]:
         """Its name, order, error, cost and why it does not serve, as plain values; None for what is not known."""

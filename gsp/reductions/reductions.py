@@ -159,8 +159,7 @@ class Reductions(Card):
             lines.append(f"    {'what is fast':<{width}}  order     error       run  of the full system")
         for each in self.shown():
             mark = "->" if each is self.recommended else ""
-            share = each.seconds / each.full_seconds
-            cost = f"{share:7.2f}" if np.isfinite(share) else ""
+            cost = f"{each.cost:7.2f}" if np.isfinite(each.cost) else ""
             lines.append(
                 f"  {mark:2}{_cell(each.name, width)}  {each.order:5d}  {_shown(each.error):>8}  "
                 f"{seconds_shown(each.seconds):>8}  {cost:>7}  {each.why_not}".rstrip()

@@ -162,7 +162,7 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
     if shape(analysis) not in ((1, 1), (2, 1)):
         return Markup("Full runs that start off the slow manifold. ") + _distance(analysis, setter)
     if not analysis.landing:
-        why = "Normal hyperbolicity is lost" if found.kind is Kind.LOST else f"It is {found.kind}"
+        why = "Normal hyperbolicity is lost" if found.kind is Kind.LOST else f"It is {found.kind.adjective}"
         return Markup("The slow manifold at {}. {}, so no runs are shown landing on it.").format(
             _at(analysis, setter), why
         )
@@ -179,8 +179,6 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
     found, curves = analysis.hyperbolicity, approaches(analysis)
     text = Markup("Distance of such runs to the slow manifold in fast time.")
-    if not curves:
-        return text + " It is not known where the runs start."
     text += Markup(
         " The slope of the dashed line is {}, {}. No run next to the manifold may fall more slowly."
     ).format(
@@ -209,7 +207,7 @@ def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
     who, where = ("None", "throughout") if found.is_proved else ("At the samples none", "there")
     nearer = "is nearer to 0 than" if slow == 2 else "enters the strip of half-width"
     return Markup("{} {} {} {}, the gap: the manifold is {} {}.").format(
-        shown, who, nearer, _gap(found), found.kind, where
+        shown, who, nearer, _gap(found), found.kind.adjective, where
     )
 
 

@@ -20,7 +20,7 @@ def reductions_found(found: Reductions) -> dict[str, Any]:
             "order": each.order,
             "error": number(each.error, 2) if math.isfinite(each.error) else "",
             "seconds": seconds_shown(each.seconds),
-            "share": number(each.seconds / each.full_seconds, 2),
+            "share": number(each.cost, 2),
             "why_not": words(each.why_not),
             "taken": each is found.taken,
         }

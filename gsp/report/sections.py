@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts import has_constant_eigenvalues
-from gsp.choice.verdict import in_words
+from gsp.choice.verdict import CUT_SHORT, in_words
 from gsp.hyperbolicity.hyperbolicity import Condition, Kind
 from gsp.report.claims import claims_of
 from gsp.report.contacts import no_slip
@@ -368,15 +368,15 @@ class Page(Setting):
     def errors(self) -> dict[str, Any]:
         found = self.analysis.comparison
         slopes = {n: "exact" if found.is_exact(n) else fitted(s) for n, s in found.slopes.items()}
-        stopped = {
-            f"At {self.epsilon} = {epsilon:g} a run did not reach the end: {status.meaning}."
-            for statuses in found.statuses.values()
-            for epsilon, status in zip(found.epsilons, statuses)
-            if not status.ok
-        }
+        stopped = [
+            f"A run of order {orders} {self.epsilon} did not reach the end: {status.meaning}."
+            if orders.endswith("each")
+            else f"Of order {orders} for {self.epsilon} a run did not reach the end: {status.meaning}."
+            for status, orders in found.ended.items()
+        ]
         if found.crossed:
             places = ", ".join(f"{surface} = 0" for surface in found.crossed)
-            stopped.add(
+            stopped.append(
                 f"The full run crosses {places}, where the field is not smooth. From order 1 on the error may fall "
                 "with fewer powers."
             )
@@ -386,7 +386,7 @@ class Page(Setting):
             "slopes": list(slopes.values()),
             "expected": ["–" if power is None else power for power in found.expected.values()],
             "first": slopes.get(1),
-            "stopped": sorted(stopped),
+            "stopped": stopped,
             "cut": self.analysis.cut,
         }
 
@@ -400,13 +400,14 @@ class Page(Setting):
                 {
                     "name": name,
                     "chosen": c is found.model,
-                    "predicted": c.predicted,
+                    "predicted": c.predicted if math.isfinite(c.predicted) else math.nan,
                     "microseconds": 1e6 * c.seconds,
                     "steps": round(c.steps) if math.isfinite(c.steps) else "–",
                     "why": ": ".join(filter(None, ("serves" * c.valid, c.remark))),
                 }
                 for name, c in zip(names, found.candidates)
             ],
+            "cut_short": CUT_SHORT if any(c.share < 1.0 for c in found.candidates) else "",
             "is_measured": any(c.is_measured for c in found.candidates),
             "layer": found.layer,
             "piece": span(found.piece),

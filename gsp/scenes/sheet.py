@@ -12,7 +12,8 @@ from gsp.critical.sheet_points import place
 from gsp.critical.sheet_roots import fast_bounds, within
 from gsp.fibres.layer_end import end_of_layer
 from gsp.fibres.layer_flow import LayerFlow
-from gsp.systems.region import Interval
+from gsp.systems.flow import in_words
+from gsp.systems.region import Interval, shown_region
 
 
 def sheet_of(
@@ -40,3 +41,24 @@ def sheet_of(
     if near and not settled:
         return nearest
     return critical.nearest({**start, **dict(zip((s.name for s in system.y), map(float, end)))}, region=region)
+
+
+def explain_sheet(
+    critical: CriticalManifold, branch: Branch, start: Mapping[str, float], region: Mapping[str, Interval]
+) -> list[str]:
+    """Sentences that say which of several branches the start has led to, and that it is outside the region there."""
+    said = []
+    if len(critical.branches) > 1:
+        said.append(
+            f"of {len(critical.branches)} branches this is about {branch}, to which the run from the start belongs"
+        )
+    system = branch.system
+    x, y = place(system, start)
+    bounds = fast_bounds(system, region)
+    point = branch.points(x[None, :], near=y[None, :])
+    if not within(point, system.y, bounds)[0]:
+        said.append(
+            f"the start is over no sheet in the region: over {system.place(zip(system.x, x))} the one to which its run "
+            f"belongs is at {in_words(zip(system.y, point[0]))}, outside {shown_region(bounds)}"
+        )
+    return said

@@ -24,6 +24,7 @@ from gsp.choice.candidates import (
 from gsp.choice.choice import _end_of, choose, select
 from gsp.choice.forecast import forecast_of, layer_left, surface_forecast_of
 from gsp.choice.prediction import Failure
+from gsp.choice.verdict import CUT_SHORT
 from gsp.comparison.compared_runs import on_manifold
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
@@ -294,7 +295,7 @@ def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkey
     assert full.field_calls / full.steps == pytest.approx(run.stats.field_calls / run.stats.steps, rel=1e-12)
 
 
-def test_a_reduced_run_over_part_of_the_span_is_counted_for_the_whole(monkeypatch) -> None:
+def test_a_reduced_run_that_ends_early_costs_what_it_takes_as_far_as_it_holds(monkeypatch) -> None:
     monkeypatch.setattr(costs, "_seconds", by_counted_steps)
     asked = replace(models.load("van_der_pol"), span=(0, 2), tolerance=1e-3)
     forecast = forecast_of(asked, [0])
@@ -302,11 +303,17 @@ def test_a_reduced_run_over_part_of_the_span_is_counted_for_the_whole(monkeypatc
     assert not found.valid
     end = max(found.holds_until, 2 * PIECE)
     run = run_model(forecast.flows[0], forecast.starts[0], asked, (0, end), 1e-4)
-    part = end / 2
-    assert 0.0 < part < 1.0
-    assert found.steps * part == pytest.approx(run.stats.steps, rel=1e-9)
-    assert found.field_calls * part == pytest.approx(run.stats.field_calls, rel=1e-9)
-    assert found.seconds * part == pytest.approx(3.0 + 0.1 * run.stats.steps, rel=1e-9)
+    assert 0.0 < found.share == end / 2 < 1.0
+    assert found.steps == run.stats.steps
+    assert found.field_calls == run.stats.field_calls
+    assert found.seconds == pytest.approx(3.0 + 0.1 * run.stats.steps, rel=1e-9)
+
+
+def test_a_table_says_that_a_run_that_ends_at_a_fold_is_timed_up_to_it() -> None:
+    asked = replace(models.load("van_der_pol"), tolerance=1e-3)
+    whole, cut = (choose(replace(asked, span=(0, end)), orders=(0,), solve=False) for end in (0.3, 2))
+    assert CUT_SHORT in str(cut)
+    assert CUT_SHORT not in str(whole)
 
 
 BENDING = {"f": -x + y**2 / 5, "g": x - y + sp.Rational(3, 10) * x * y}

@@ -87,6 +87,33 @@ def test_the_epsilon_that_would_do_is_named() -> None:
     assert "about" not in verdict_of(FULL, far, FULL).remedy
 
 
+@pytest.mark.parametrize("failure", [Failure.RATE, Failure.ORDER, Failure.ERROR])
+def test_no_epsilon_is_said_to_help_beyond_where_the_limit_ends(failure: Failure) -> None:
+    short = failing(2, failure, predicted=1e-4)
+    ends = (0.4, "normal hyperbolicity is lost")
+    remedy = verdict_of(FULL, short, FULL, limit_ends=ends).remedy
+    assert remedy.endswith("help up to t = 0.4 only, where the limit's run ends: normal hyperbolicity is lost.")
+    assert "only" not in verdict_of(FULL, short, FULL).remedy
+
+
+def test_a_loss_that_the_limit_meets_is_met_at_every_epsilon() -> None:
+    """An infection dies out along I = 0, which loses its stability at S = 2/5: 1 - S = 4/5 exp(-2 t) is 3/5 there."""
+    susceptible, ill, epsilon = sp.symbols("S I epsilon")
+    scene = Scene(
+        system=SlowFastSystem(
+            slow={susceptible: 2 * (1 - susceptible) - susceptible * ill},
+            fast={ill: ill * (sp.Rational(5, 2) * susceptible - 1) - epsilon * ill},
+            epsilon=epsilon,
+        ),
+        region={"S": (0.1, 0.9), "I": (0.0, 1.0)},
+        start={"S": 0.2, "I": 0.05},
+        span=(0.0, 1.0),
+        epsilon=0.01,
+        tolerance=1e-3,
+    )
+    assert f"up to t = {np.log(4 / 3) / 2:.4g} only" in choose(scene).verdict.remedy
+
+
 def test_part_of_the_span_is_told_with_its_place() -> None:
     part = failing(2, Failure.GAP, holds_until=0.6, predicted=float("inf"))
     found = verdict_of(FULL, part, FULL, partial=part, place={"s": 0.25})
@@ -105,6 +132,15 @@ def test_what_comes_nearest_is_predicted_to_be_least_wrong() -> None:
     found = verdict_of(FULL, *flows, FULL, partial=flows[-1], layer=0.6)
     assert found.answer is Answer.NO
     assert "The nearest is the reduced flow of order 1," in found.accuracy
+
+
+def test_none_is_nearest_for_an_error_that_is_all_of_its_size() -> None:
+    flows = [
+        failing(n, Failure.ERROR, holds_until=0.4, predicted=p) for n, p in enumerate((np.inf, 1e5, 630.0))
+    ]
+    found = verdict_of(FULL, *flows, FULL, layer=0.4)
+    assert "The nearest is the reduced flow of order 0," in found.accuracy
+    assert found.remedy == "A smaller epsilon or a larger tolerance would help."
 
 
 def test_a_solved_manifold_that_holds_longest_comes_nearest() -> None:

@@ -459,6 +459,30 @@ def test_a_reduced_run_is_drawn_until_its_series_falls_no_more(opened) -> None:
     )
 
 
+DRIFT = """
+slow = {{ x = "{slow}" }}
+fast = {{ y = "(x - 1)*y - 3*z", z = "3*y + (x - 1)*z" }}
+region = {{ x = [-2, 3], y = [-1, 1], z = [-1, 1] }}
+start = {{ x = -2, y = 0.1, z = 0 }}
+scene = {{ span = [0, 4], epsilon = 0.02 }}
+"""
+
+
+@pytest.mark.parametrize("slow", ["1", "1 + y"], ids=["a clock", "a slow motion"])
+def test_a_reduced_run_ends_where_a_pair_ceases_to_attract_however_simple_its_motion(slow: str, opened) -> None:
+    """The pair is x - 1 +- 3i, and x = t - 2; a step over the rest of the run passed by where its rate is 3 % of 3."""
+    page = opened(DRIFT.format(slow=slow), fragment="#orders=0.1")
+    begun, *runs = page.run(
+        "const runs = current.result.pieces[0].runs;"
+        "return [runs[0].begun, ...runs.map((run) => [run.order, run.status, run.ended])];"
+    )
+    for _, status, ended in runs:
+        assert status == "lost"
+        assert ended == pytest.approx(3 - 0.03 * (3 - begun), abs=1e-3)
+    page.measured()
+    assert "has all but ceased to attract" in page.run("return document.getElementById('notes').innerText")
+
+
 @pytest.mark.exhaustive
 def test_a_page_says_what_cannot_be_computed(opened) -> None:
     def notes(page) -> str:

@@ -122,6 +122,7 @@ def test_rates_further_apart_than_epsilon_are_noted_with_what_the_slowest_is_bes
     # The ratio is 1/200; the slowest rate in slow time is 1/epsilon = 100.
     assert notes(0.004, 0.0) == []
     assert notes(None, 0.0) == []
+    assert notes(1.0, 0.0) == []
     assert notes(0.01, 0.0, values[:, :1]) == []
     assert notes(0.01, 0.0, np.array([[0.0, -1.0]], dtype=complex)) == []
     (slow,), (fast,) = notes(0.01, 100.0), notes(0.01, 99.0)

@@ -88,10 +88,11 @@ def test_a_backward_run_that_has_lost_every_digit_says_how_fast_it_did() -> None
     assert told(flow, [0.0, 1.0], [[0.0, 1.0], [0.0, 2.0]], last=10.0, p=np.array([0.01])).note == ""
 
 
-def test_a_run_begins_where_its_series_holds_and_at_order_zero_anywhere() -> None:
+def test_a_run_begins_where_its_series_holds_and_where_none_is_watched_anywhere() -> None:
     rows = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1e-300], [1.0, 1.0, -1.0]])
-    for order, expected in ((0, [True] * 3), (1, [False, True, False]), (3, [False, True, False])):
-        assert begins(SimpleNamespace(order=order), rows).tolist() == expected  # pyright: ignore[reportArgumentType]
+    for watches, expected in ((False, [True] * 3), (True, [False, True, False])):
+        validity = SimpleNamespace(watches_series=watches)
+        assert begins(validity, rows).tolist() == expected  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("unreal", [sp.oo, -sp.oo, sp.zoo, sp.nan, sp.I, sp.sqrt(-2) * x, sp.oo * x])

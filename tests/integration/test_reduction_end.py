@@ -759,3 +759,27 @@ def test_a_start_on_a_fold_far_from_the_origin_is_refused() -> None:
     branch = gsp.solve_critical(system).nearest({x: 1 + by, y: 1 + by})
     with pytest.raises(HyperbolicityError, match="x = 10000301, y = 10000301"):
         integrate(gsp.restrict(gsp.expand(branch, order=0)), start={x: by}, span=(0.0, 1.0), epsilon=0.1)
+
+
+# Sheets that are invariant for every epsilon: their series has one term, and nothing in it stops falling.
+INVARIANT = {
+    "0": (x * (y - eps), 0),
+    "a line": ((x - y) * y + eps, y),
+    "a parabola": ((x - y**2) * y + 2 * y * eps, y**2),
+}
+
+
+@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("name", INVARIANT)
+def test_on_an_invariant_sheet_a_run_of_any_order_goes_to_the_loss(name: str, order: int) -> None:
+    rate, sheet = INVARIANT[name]
+    system = SlowFastSystem(slow={y: ONE}, fast={x: rate}, epsilon=eps)
+    start = {"y": -1, "x": sp.sympify(sheet).subs(y, -1)}
+    ended = run(system, start, order=order, epsilon=0.02)
+    assert ended.status is Status.HYPERBOLICITY_LOST
+    assert ended.t[-1] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_sheet_that_is_invariant_to_leading_orders_alone_is_watched() -> None:
+    system = SlowFastSystem(slow={y: ONE}, fast={x: x * y + eps**3}, epsilon=eps)
+    assert run(system, {"y": -1, "x": 0}, order=1, epsilon=0.02).status is Status.SERIES_ENDS

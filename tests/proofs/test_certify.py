@@ -212,6 +212,22 @@ def test_a_fold_on_another_sheet_is_no_witness() -> None:
     assert found.kind == "repelling"
 
 
+@pytest.mark.parametrize("more", [False, True], ids=["one slow variable", "two"])
+def test_a_sheet_that_ends_beside_one_that_does_not_is_refuted(more: bool) -> None:
+    """The boxes hold the sheet near y = 3 alone, and nothing is undecided over them."""
+    z = sp.Symbol("z")
+    rate = -((y**2 + x + 1 + (z / 10 if more else 0)) * (y - 3) + sp.Rational(1, 10))
+    system = gsp.SlowFastSystem(slow={x: 1} | ({z: 1} if more else {}), fast={y: rate}, epsilon=eps)
+    region = {"x": (-2, 2)} | ({"z": (-1, 1)} if more else {})
+    start = {"x": -1.9, "y": 0.96} | ({"z": 0} if more else {})
+    found = certify(gsp.solve_critical(system).nearest(start), region=region)
+    assert found.verdict is ProofVerdict.REFUTED
+    assert found.witness is not None
+    assert found.witness.kind == "fold"
+    at = {s: np.mean(found.witness.box[s.name]) for s in system.states if s.name in found.witness.box}
+    assert float(rate.diff(y).subs(at)) == pytest.approx(0.0, abs=1e-5)
+
+
 def test_a_sheet_among_several_within_the_bounds_is_that_of_the_seed() -> None:
     region = {"x": (-0.5, 0.5), "y": (-3.0, 3.0)}
     found = certify(van_der_pol(), region=region)

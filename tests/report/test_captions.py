@@ -14,7 +14,7 @@ from gsp.analysis.pictured_runs import landing_runs
 from gsp.charts import manifolds, sampling
 from gsp.charts.orbits import shrinks_in_proportion
 from gsp.charts.style import add_units
-from gsp.errors import Status
+from gsp.errors import DeclarationError, Status
 from gsp.hyperbolicity.hyperbolicity import Condition, Kind
 from gsp.report.captions import caption
 from gsp.report.reduction_limits import _as, _bound
@@ -46,6 +46,17 @@ def test_a_limit_that_ends_at_a_fold_is_not_approached_in_proportion(enzyme: Ana
     assert not shrinks_in_proportion(ended)
     assert "The limit ends early: a fold" in said("convergence", ended)
     assert "proportional" not in said("convergence", ended)
+
+
+def test_runs_that_ended_early_are_told_once_with_their_orders_and_epsilons(enzyme: Analysis) -> None:
+    found, lost, ends = enzyme.comparison, Status.HYPERBOLICITY_LOST, Status.SERIES_ENDS
+    fine = [Status.SUCCESS] * len(found.epsilons)
+    statuses = dict.fromkeys(found.errors, fine) | {0: [lost] * len(fine), 1: [ends, *fine[1:]]}
+    told = Page(replace(enzyme, comparison=replace(found, statuses=statuses))).errors()["stopped"]
+    assert told == [
+        f"A run of order 0 at each epsilon did not reach the end: {lost.meaning}.",
+        f"Of order 1 at {found.epsilons[0]:.3g} for epsilon a run did not reach the end: {ends.meaning}.",
+    ]
 
 
 def test_the_limit_is_drawn_as_far_as_runs_are_compared_with_it(enzyme: Analysis) -> None:
@@ -89,6 +100,15 @@ def test_a_distance_is_drawn_up_to_where_the_manifold_is_known(
     text = said("distance", enzyme)
     assert "A line ends where its run leaves" in text
     assert "grey zone" not in text
+
+
+def test_no_distance_is_drawn_where_the_manifold_is_not_known_at_any_start(
+    enzyme: Analysis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sampling, "slow_manifold", lambda analysis, x: np.full((len(x), 1), np.nan))
+    assert "distance" not in charts.applicable(enzyme)
+    with pytest.raises(DeclarationError, match="no run starts where the slow manifold is known"):
+        charts.distance(enzyme)
 
 
 def test_landing_runs_start_within_the_region() -> None:

@@ -250,7 +250,11 @@ BAD_FOLDS = {
         {"x": 0, "y": 0, "z": 0},
         "folded singularity.*folded_singularities",
     ),
-    "away": (system({y: -1}, {x: x**2 + y}), {"x": 0, "y": 0}, "leads away"),
+    "away": (
+        system({y: -2}, {x: x**2 + 3 * y}),
+        {"x": 0, "y": 0},
+        r"leads away.*a b = -6 < 0 with b = l \. g_x f",
+    ),
     "cusp": (system({y: 1}, {x: y + x**3}), {"x": 0, "y": 0}, "a cusp"),
     "branch point": (system({y: 1}, {x: x**2 - y**2}), {"x": 0, "y": 0}, "two branches"),
     "saddle": (
@@ -264,6 +268,12 @@ BAD_FOLDS = {
         "more than one fast eigenvalue",
     ),
 }
+
+
+def test_a_fold_that_is_refused_has_no_digits_where_it_is_0() -> None:
+    front = system({y: R(1)}, {x: w, w: w / 5 - x * (1 - x) * (x - R(3) / 10) + y})
+    with pytest.raises(PassageError, match=r"w = 0 is not attracting: fast eigenvalues \[0\. +0\.2\]"):
+        fold_passage(front, {"x": 0.729606480625, "y": 0.0847531376778, "w": 1e-17})
 
 
 @pytest.mark.parametrize("name", BAD_FOLDS)

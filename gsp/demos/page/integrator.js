@@ -206,7 +206,7 @@ function explicitStepper(field, n) {
   };
 }
 
-// Advance from t0 to t1, which may lie before it. `stop(t, y)` is asked after every step; steps end on the `ends` between.
+// Advance from t0 to t1, which may lie before it. `stop(run)` is asked after every step; steps end on the `ends` between.
 function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop, ends = [] }) {
   const n = start.length;
   const sign = t1 >= t0 ? 1 : -1;
@@ -255,8 +255,8 @@ function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop, en
     run.times.push(t);
     run.states.push(y);
     run.dense.push(rows);
+    if (stop && stop(run)) return { ...run, status: "stopped" };
     if (!ahead.length) return run;
-    if (stop && stop(t, y)) return { ...run, status: "stopped" };
     const growth = Math.min(6, Math.max(0.2, SAFETY * Math.pow(Math.max(size, 1e-10), -1 / stepper.order)));
     // A step that was cut says nothing against the one that was meant.
     h = Math.max(lands ? h : 0, Math.abs(step) * (rejected ? Math.min(1, growth) : growth));

@@ -35,7 +35,7 @@ const ENDINGS = {
   steps: "its steps were used up",
   "not finite": "the field is not finite there",
   "too small": "no step is small enough there",
-  lost: "there the critical manifold ceases to attract",
+  lost: "there the critical manifold has all but ceased to attract",
   "no sheet": "no point of the critical manifold was found there",
   "blew up": "it has blown up",
 };

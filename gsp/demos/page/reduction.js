@@ -19,6 +19,8 @@ const ESTIMATE = 3;
 // The sheet counts as lost where the rate of attraction has fallen to this share: what is left is a fold, where the
 // reduced field grows beyond bounds.
 const FADED = 0.03;
+// At so many times at least a reduced run is looked at for that.
+const WATCHED = 64;
 
 // The largest real part of the eigenvalues of a matrix.
 function spectralAbscissa(A, n) {
@@ -298,48 +300,81 @@ function makeModel(data, program) {
     }
 
     // After each step: the sheet is followed, and the run ends where it no longer attracts.
-    let lost = false;
     let sheets = null;
-    function stop(t, state) {
+    const held = near.slice();
+    function attracts(state) {
       const xNow = state.subarray(0, nSlow);
       seen.set(near);
-      if (!onSheet(xNow, seen, p)) return (lost = true);
+      if (!onSheet(xNow, seen, p)) return false;
       near.set(seen);
-      if (sheets) sheets.push(near.slice());
       uPoint.set(xNow);
       uPoint.set(near, nSlow);
-      return (lost = !(gapAt(uPoint, p) > FADED * firstGap));
+      return gapAt(uPoint, p) > FADED * firstGap;
+    }
+
+    // Within a step too: those of a slow motion that is simple are long.
+    let [between, length] = [[], 0];
+    function stop(part) {
+      const [from, to] = part.times.slice(-2);
+      const count = Math.ceil(WATCHED * Math.abs((to - from) / length));
+      for (let k = 1; k <= count; k++) {
+        const looked = k === count ? to : from + ((to - from) * k) / count;
+        between = [between[1] ?? from, looked];
+        if (!attracts(stateAt(part, looked, state))) return true;
+        held.set(near);
+      }
+      if (sheets) sheets.push(near.slice());
+      return false;
+    }
+
+    // Where a run that was stopped attracts no more, to a share of 2^-40.
+    function stopped(part) {
+      let [good, bad] = between;
+      for (let halving = 0; halving < 40; halving++) {
+        const middle = (good + bad) / 2;
+        near.set(held);
+        stateAt(part, middle, state);
+        if (attracts(state)) {
+          good = middle;
+          held.set(near);
+        } else bad = middle;
+      }
+      near.set(held);
+      return good;
     }
 
     const firstGap = gapAt(Float64Array.of(...x, ...y0), p);
     const start = new Float64Array(nSlow + nDriven);
     start.set(x);
     for (let i = 0; i < nDriven; i++) start[nSlow + i] = run.states[at][nRaw + i];
+    const state = new Float64Array(nSlow + nDriven);
     const limits = { ...passing(s, accuracy), maxSteps: accuracy.reducedSteps, stop };
     // A run and its sheet at every node, for the values between them.
     function along(to) {
       near.set(y0);
+      held.set(y0);
+      [between, length] = [[], to - begun];
       sheets = reduction.explicit ? null : [y0];
       const part = integrateExplicit(field, start, begun, to, limits);
       part.sheets = sheets;
       return part;
     }
     const forward = along(end);
-    const parts = [forward];
+    const isLost = forward.status === "stopped";
+    const ended = isLost ? stopped(forward) : forward.times[forward.times.length - 1];
     const last = near.slice();
+    const parts = [forward];
     if (back && begun > s.span[0]) parts.unshift(along(s.span[0]));
     sheets = null;
-    const ended = forward.times[forward.times.length - 1];
     // Towards a fold the rate of attraction falls to nothing, whatever stops the run first.
     uPoint.set(forward.states[forward.states.length - 1].subarray(0, nSlow));
     uPoint.set(last, nSlow);
     const faded = !(gapAt(uPoint, p) > 3 * FADED * firstGap);
-    const status = lost || (faded && forward.status !== "reached") ? "lost" : forward.status;
+    const status = isLost || (faded && forward.status !== "reached") ? "lost" : forward.status;
     const reachedBack = parts.length > 1 ? parts[0].times[parts[0].times.length - 1] : begun;
-    const state = new Float64Array(nSlow + nDriven);
     return {
       order, status, begun, ended, steps: forward.times.length, first: reachedBack, last,
-      nodes: parts.flatMap((part) => Array.from(part.times)),
+      nodes: parts.flatMap((part) => part.times.filter((t) => t <= ended)),
       // The same flow from this run's own beginning to `to`, at another accuracy; its states are x and what is reconstructed.
       again(to, wanted) {
         const begins = parts[0].states[parts.length > 1 ? parts[0].states.length - 1 : 0];

@@ -179,7 +179,8 @@ def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Lin
 
 def _spread_rates(sampler: Sampler, z: np.ndarray, eigenvalues: np.ndarray, epsilon: float | None) -> list[str]:
     """A note when the slowest fast rate is slower than the fastest by more than epsilon."""
-    if epsilon is None or eigenvalues.shape[1] < 2:
+    # One that only counts orders, and is 1 for the model itself, tells no rates apart.
+    if epsilon is None or epsilon >= 1.0 or eigenvalues.shape[1] < 2:
         return []
     sizes = np.sort(np.abs(eigenvalues), axis=1)
     ratio = float((sizes[:, 0] / sizes[:, -1]).min())

@@ -47,9 +47,9 @@ def on_loss(validity: Validity, rows: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return zero <= ON_LOSS * rounding, (pair <= ON_LOSS * size) & validity.watches_pairs
 
 
-def begins(flow: ReducedFlow, rows: np.ndarray) -> np.ndarray:
-    """Whether a run begins at starts with these `tests` (..., outputs): above order 0 the series must hold there."""
-    return (rows[..., 2] > 0.0) | (flow.order == 0)
+def begins(validity: Validity, rows: np.ndarray) -> np.ndarray:
+    """Whether a run begins at starts with these `tests` (..., outputs): a series that is watched must hold there."""
+    return (rows[..., 2] > 0.0) | (not validity.watches_series)
 
 
 class Ending:
@@ -75,7 +75,7 @@ class Ending:
         row = self.validity.tests(self.validity.lift(y, stepper.p), stepper.p)
         self._refuse_underflow(y, row)
         self._refuse_loss(y, row)
-        self._begins = begins(flow, row)
+        self._begins = begins(self.validity, row)
         self._columns, signs = self.validity.watched(row[np.newaxis])
         self._orientation = signs[0]
         settles = (self._zero, self._pair, self._series)

@@ -12,7 +12,8 @@ the terms of order N and N - 1 in Riccati's equation epsilon x' = x^2 + t, the i
 2001), are equally large: exact for N = 1 and within 20 % to order 5 and beyond, as the series is that of Airy functions
 with the exponent (4/3) (-t)^(3/2)/epsilon. The distance is of order epsilon^(1/3) in y at a fold, epsilon^(1/2) at a
 transcritical point. From N = 2 on the terms themselves must have stopped falling too: the criterion counts the time
-scale only, and a term may vanish by chance. H is the last but one Hurwitz determinant (Orlando's formula).
+scale only, and a term may vanish by chance. Where M0 is invariant for every epsilon, Q is not watched. H is the last
+but one Hurwitz determinant (Orlando's formula).
 
 In the time s with dt = Delta ds the flow of order 0 is (x, y)_s = (Delta f, -A g_x f), regular on the whole of
 M0; it crosses a fold in finite time, and tends to a transcritical point in infinite time.
@@ -42,6 +43,7 @@ from gsp.lowering.steps.kernel_call import Call
 from gsp.systems.flow import Flow, Portable, Values
 
 if TYPE_CHECKING:
+    from gsp.critical.branch import Branch
     from gsp.integration.reduced_flow import ReducedFlow
 
 # A polynomial within these is freed of repeated factors in milliseconds.
@@ -86,6 +88,7 @@ class Validity(Portable):
         self.order, self.epsilon = flow.order, flow.epsilon
         self._coordinates, self._base, self._last_terms = flow.states, flow.base, flow.last_terms
         self._driven, self._driven_rates = flow.driven, flow.driven_rates
+        self.watches_series = flow.order > 0 and not _is_exact(flow.manifold.branch)
         system = flow.manifold.branch.system
         self.slow, self.fast = system.x, system.y
         self.states, self._centres = system.states, system.centres
@@ -199,7 +202,7 @@ class Validity(Portable):
 
     @cached_property
     def _columns(self) -> tuple[int, ...]:
-        first = [0, *[1] * self.watches_pairs, *[2] * (self.order > 0)]
+        first = [0, *[1] * self.watches_pairs, *[2] * self.watches_series]
         return *first, *range(len(TESTS), len(TESTS) + len(self.borders) + len(self.surfaces))
 
     @cached_property
@@ -212,7 +215,7 @@ class Validity(Portable):
     def functions(self) -> np.ndarray:
         """What `kernels.scan` takes."""
         along, lift, tests = self.along, self.lift, self.tests
-        flags = self.watches_pairs, self.order > 0
+        flags = self.watches_pairs, self.watches_series
         addresses = along.address, lift.address, lift.outputs, tests.address, tests.outputs
         columns = [self._columns[k] for k in self.varying]
         return np.array((along.outputs, *addresses, *flags, 0, 0, *columns), np.int64)
@@ -323,6 +326,19 @@ class Validity(Portable):
 def validity_of(flow: ReducedFlow) -> Validity:
     """The test functions of `flow`, made once."""
     return Validity(flow)
+
+
+def _is_exact(branch: Branch) -> bool:
+    """Whether M0 is seen to be invariant for every epsilon: its series is h_0 alone, and ends where M0 does."""
+    system, graph = branch.system, branch.graph
+    if graph is None:
+        return False
+    for y, h in graph.items():
+        moved = [times(system.epsilon, derivative(h, x), rate) for x, rate in system.slow.items() if h.has(x)]
+        residual = (system.fast[y] - plus(moved)).xreplace(dict(graph))
+        if sp.count_ops(residual) > MOST_OPERATIONS or sp.expand(residual) != 0:
+            return False
+    return True
 
 
 def _slopes(expression: sp.Expr, by: Sequence[sp.Symbol]) -> list[sp.Expr]:

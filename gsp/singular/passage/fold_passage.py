@@ -49,6 +49,8 @@ from gsp.systems.system import SlowFastSystem
 
 # A point given for the fold may miss it by this, relative to the states' sizes.
 NEAR = 1e-2
+# It is found to this, relative to the same sizes.
+POLISHED = 1e-13
 # Coefficients count as zero below this, relative to what they are made of, the states in units of their sizes.
 ZERO = 1e-8
 
@@ -217,8 +219,8 @@ def _passage(
         )
     if a * b < 0.0:
         raise PassageError(
-            f"the slow flow leads away from the fold at {where}: a b = {a * b:.3g} < 0, so that both sheets "
-            "are left there.",
+            f"the slow flow leads away from the fold at {where}: a b = {a * b:.3g} < 0 with b = l . g_x f, so that "
+            "both sheets are left there.",
             "A passage needs a b > 0; reverse the slow flow, or take another fold.",
         )
     values = np.linalg.eigvals(g_y)
@@ -226,7 +228,7 @@ def _passage(
     if others.size and others.real.max() >= 0.0:
         raise PassageError(
             f"the sheet that ends in the fold at {where} is not attracting: fast eigenvalues "
-            f"{np.array2string(values, precision=4)}.",
+            f"{np.array2string(np.append(0.0, others), precision=4)}.",
             "Orbits leave it before they reach the fold.",
         )
     # The centre manifold y = y_0 + r v + h v^2/2 with l . h = 0: g_y h = 2 a r - g_yy(r, r).
@@ -281,7 +283,7 @@ def _located(
     found = None
     try:
         near = singular_near(problem, identity, u, scales)
-        found = least_norm_newton(near, u, scales, 1e-13)
+        found = least_norm_newton(near, u, scales, POLISHED)
     except np.linalg.LinAlgError:
         pass
     if found is None or np.abs((found - u) / scales).max() > NEAR:
@@ -291,7 +293,8 @@ def _located(
             f"there is no fold at {where}: g = {g}, fast eigenvalues {values}.",
             "Take a point of continue_critical(system, start=...).special.",
         )
-    return problem, found, scales
+    # What is left of a coordinate that is 0 has no digits.
+    return problem, np.where(np.abs(found) <= POLISHED * scales, 0.0, found), scales
 
 
 def _null_vectors(
