@@ -177,7 +177,7 @@ def test_a_reduction_fails_where_the_tangential_rate_passes_the_gap(rate: float,
 # -- costs -----------------------------------------------------------------------------------------
 
 
-def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_the_whole(monkeypatch) -> None:
+def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_its_share(monkeypatch) -> None:
     stats = SimpleNamespace(steps=10, field_calls=30)
     monkeypatch.setattr(candidates, "run_model", lambda *asked: SimpleNamespace(stats=stats))
     scene = models.load("michaelis_menten")
@@ -197,8 +197,8 @@ def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_the_whole(mo
     )  # fmt: skip
     trial = candidates.reduced_candidate(forecast, 0, scene, 1e-6)  # pyright: ignore[reportArgumentType]
     found = trial.candidate
-    assert (found.steps, found.field_calls, found.preparation) == (40.0, 120.0, 7.0)
-    assert trial.cost(2.0) == 8.0
+    assert (found.steps, found.field_calls, found.preparation, found.share) == (10, 30, 7.0, 0.25)
+    assert trial.cost(2.0) == 2.0
     assert not found.valid
 
 
