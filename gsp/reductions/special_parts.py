@@ -16,9 +16,10 @@ from gsp.algebra.brevity import brief
 from gsp.algebra.laurent import laurent, pole_order
 from gsp.choice.candidates import GRID_POINTS, LARGEST_LAYER
 from gsp.choice.forecast import LAYER_LEFT
-from gsp.errors import GspError
+from gsp.errors import GspError, Status
+from gsp.integration.methods import Method
 from gsp.integration.spread_times import spread_times
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import PLAIN, RunOptions, Trajectory, trajectory_of
 from gsp.lowering.compiled_function import compile_function
 from gsp.scales.small_parameter import SmallParameter
 from gsp.scales.special_values import small_parameters
@@ -28,6 +29,8 @@ from gsp.systems.tolerances import absolute_tolerance
 
 # Runs that rank the candidates.
 RTOL = 1e-6
+# So many explicit steps are made while an implicit one is compiled, which is used once.
+EXPLICIT_STEPS = 100_000
 
 # Layers by the vanishing parameters that divide in them, and the order of the ray's pole.
 Layers = dict[tuple[frozenset[str], int], VectorField]
@@ -128,9 +131,9 @@ def _layer(small: SmallParameter, known: Layers) -> VectorField:
 def _error(scene: Scene, run: Trajectory, small: SmallParameter, layers: Layers) -> float:
     first, last = scene.span
 
-    def over(flow: VectorField, start: dict[str, float]) -> Trajectory:
+    def over(flow: VectorField, start: dict[str, float], options: RunOptions = PLAIN) -> Trajectory:
         atol = absolute_tolerance(RTOL, scene.region, start)
-        return trajectory_of(flow, start=start, span=scene.span, epsilon=None, rtol=RTOL, atol=atol)
+        return trajectory_of(flow, start, scene.span, None, RTOL, atol, options=options)
 
     try:
         landing = over(_layer(small, layers), dict(scene.start))
@@ -147,7 +150,10 @@ def _error(scene: Scene, run: Trajectory, small: SmallParameter, layers: Layers)
         reduced = small.reduced_field
         names = [s.name for s in reduced.states]
         landed = dict(zip((s.name for s in landing.flow.states), landing.y[:, -1]))
-        own = over(reduced, {name: landed[name] for name in names})
+        begin = {name: landed[name] for name in names}
+        own = over(reduced, begin, RunOptions(method=Method.DOP853, max_steps=EXPLICIT_STEPS))
+        if own.status is Status.TOO_MANY_STEPS:
+            own = over(reduced, begin)
     except GspError:
         return float("inf")
     if not own.status.ok:

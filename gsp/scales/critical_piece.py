@@ -76,7 +76,7 @@ class CriticalPiece:
     @cached_property
     def _fixed(self) -> dict[str | int, flint.fmpq]:
         """Functions of one rational value on the manifold, as sqrt(z) and tanh(z) on z = 0, by their generators."""
-        if not self.piece.is_linear:
+        if not self.piece.is_linear or not self.whole.functions:
             return {}
         ring, states = self.whole.ring, {i: state for state, i in self.whole.places.items()}
         known = {}
