@@ -251,6 +251,17 @@ def test_folds_are_found_along_an_implicit_branch() -> None:
     assert "without roots: it has no folds" in run("folds", "linear").output
 
 
+def test_folds_of_a_branch_that_has_none_says_that_there_are_others(tmp_path) -> None:
+    model = tmp_path / "laser.toml"
+    model.write_text(
+        '[slow]\nA = "6.5 - A - A*I"\n[fast]\nI = "I*(A/(1 + I) - 5.8/(1 + 1.8*I) - 1)"\n'
+        "[region]\nA = [4, 9]\nI = [0, 6]\n[start]\nA = 6\nI = 5\n[scene]\nspan = [0, 8]\nepsilon = 0.01\n"
+    )
+    found = run("folds", str(model))
+    assert "I = 0 without roots: it has no folds" in found.stdout
+    assert "of 3 branches this is about I = 0, to which the run from the start belongs" in found.stderr
+
+
 @pytest.mark.exhaustive
 def test_folds_name_weights_and_powers_and_print_charts() -> None:
     line = "weights x 1, y 2, epsilon 3; degree 1; so x ~ epsilon^(1/3), y ~ epsilon^(2/3), slow time ~ epsilon^(2/3)"

@@ -8,7 +8,7 @@ import click
 
 from gsp.cli.asking import asks, json_option
 from gsp.cli.program import cli
-from gsp.cli.telling import print_json, screenful, tell
+from gsp.cli.telling import print_json, screenful, tell, tell_notes
 from gsp.errors import NO_REASON, GspError
 
 if TYPE_CHECKING:
@@ -169,6 +169,7 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
     )
     from gsp.critical.continuation.critical_curve import CriticalCurve
     from gsp.critical.continuation.critical_sheet import CriticalSheet
+    from gsp.scenes.sheet import explain_sheet
     from gsp.scenes.study import study_of
 
     study = study_of(scene)
@@ -180,6 +181,8 @@ def folds(scene: Scene, blow_up: bool, as_json: bool) -> None:
 
     sides = list(map(plain, ends))
     if obstacle is not None and never_folds(study.branch):
+        # Another branch may fold, which a start beside it follows.
+        tell_notes(explain_sheet(study.critical, study.branch, study.start, study.region))
         message = obstacle.fact
         if as_json:
             print_json(
