@@ -130,18 +130,20 @@ class HamelEquations:
 def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, ...] = ()) -> HamelEquations:
     """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
     first = _derived(system, frame, further)
-    if measured_from := _turned_together(first):
-        first = _derived(system, frame, further, measured_from=measured_from)
+    for q, references in _turned_together(first).items():
+        measured = [{**first.algebra.measured_from, q: reference} for reference in references]
+        tried = [_derived(system, frame, further, measured_from=each) for each in measured]
+        first = min(tried, key=lambda each: sum(len(e.numerator) for row in each.metric for e in row))
     _ = first.drift
-    awkward = first.algebra.awkward_angles
+    awkward, measured_from = first.algebra.awkward_angles, first.algebra.measured_from
     return _derived(system, frame, further, sines=awkward, measured_from=measured_from) if awkward else first
 
 
-def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, sp.Expr]:
-    """Angles with what each is measured from: turned together they leave the metric as it is, which is shorter then.
+def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, list[sp.Expr]]:
+    """Angles that, turned together, leave the metric as it is, with the angles before from which each may be measured.
 
-    Bodies that are hinged to one another have such angles, from an axis in space. A guess at generic points: a wrong
-    one makes no equation wrong.
+    Bodies that are hinged to one another have such angles, from an axis in space: the metric is shortest in those
+    between neighbours. A guess at generic points: a wrong one makes no equation wrong.
     """
     system, write = equations.system, equations.algebra.write
     metric = [write(e, factored=False) for row in equations.metric for e in row]
@@ -157,13 +159,23 @@ def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, sp.Expr]:
     for i in range(len(angles)):
         if len(axes) < len(kept) and rank(kept[:, [*axes, i]]) > len(axes):
             axes.append(i)
-    turns = np.linalg.solve(kept[:, axes], kept) if axes else kept
-    ratios = [[sp.Rational(Fraction(float(turn)).limit_denominator(12)) for turn in row] for row in turns]
-    return {
-        q: sum((row[i] * angles[j] for row, j in zip(ratios, axes)), sp.Integer(0))
-        for i, q in enumerate(angles)
-        if i not in axes and any(row[i] for row in ratios)
-    }
+    if not axes:
+        return {}
+    turns = np.linalg.solve(kept[:, axes], kept)
+    ratios = [[sp.Rational(Fraction(float(turn)).limit_denominator(12)) for turn in row] for row in turns.T]
+    found = {}
+    for i, q in enumerate(angles):
+        if i not in axes and any(ratios[i]):
+            together = {j: _ratio(ratios[i], ratios[j]) for j in range(i)}
+            alone = [factor * angles[j] for j, factor in together.items() if factor]
+            found[q] = alone or [sp.Add(*[factor * angles[j] for factor, j in zip(ratios[i], axes)])]
+    return found
+
+
+def _ratio(turn: list[sp.Rational], other: list[sp.Rational]) -> sp.Rational | None:
+    """The factor by which `turn` is `other`; None where it is no multiple."""
+    factor = next((a / b for a, b in zip(turn, other) if b), None)
+    return factor if factor is not None and turn == [factor * b for b in other] else None
 
 
 def _derived(
