@@ -129,11 +129,15 @@ class HamelEquations:
 
 def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, ...] = ()) -> HamelEquations:
     """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
-    first = _derived(system, frame, further)
-    for q, references in _turned_together(first).items():
+
+    def terms(equations: HamelEquations) -> int:
+        return sum(len(e.numerator) for row in equations.metric for e in row)
+
+    given = first = _derived(system, frame, further)
+    for q, references in _turned_together(given).items():
         measured = [{**first.algebra.measured_from, q: reference} for reference in references]
-        tried = [_derived(system, frame, further, measured_from=each) for each in measured]
-        first = min(tried, key=lambda each: sum(len(e.numerator) for row in each.metric for e in row))
+        first = min((_derived(system, frame, further, measured_from=each) for each in measured), key=terms)
+    first = min(first, given, key=terms)
     _ = first.drift
     awkward, measured_from = first.algebra.awkward_angles, first.algebra.measured_from
     return _derived(system, frame, further, sines=awkward, measured_from=measured_from) if awkward else first
