@@ -15,6 +15,7 @@ from functools import cached_property
 import flint
 import sympy as sp
 
+from gsp.algebra.inversion import solve_for
 from gsp.algebra.polynomials import primitive_multiple
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
@@ -75,7 +76,7 @@ class CriticalPiece:
 
     @cached_property
     def _fixed(self) -> dict[str | int, flint.fmpq]:
-        """Functions of one rational value on the manifold, as sqrt(z) and tanh(z) on z = 0, by their generators."""
+        """Generators of one rational value on the manifold: sqrt(z) and tanh(z) on z = 0, and z on tanh(z) = 0."""
         if not self.piece.is_linear or not self.whole.functions:
             return {}
         ring, states = self.whole.ring, {i: state for state, i in self.whole.places.items()}
@@ -86,7 +87,12 @@ class CriticalPiece:
                 for part in self.piece.restricted(ring.context.gen(v))
             )
             known[states.get(v, self.whole.functions.get(v))] = top / below
-        values = {i: function.xreplace(known) for i, function in self.whole.functions.items()}
+        for function, value in list(known.items()):
+            held = [s for s in states.values() if function != s and function.has(s)]
+            # A function that is known and holds one state tells that state.
+            known |= (solve_for(held, {value: function}) or {}) if len(held) == 1 else {}
+        generators = {**self.whole.functions, **states}
+        values = {i: known.get(e, e.xreplace(known)) for i, e in generators.items()}
         return {i: flint.fmpq(int(c.p), int(c.q)) for i, c in values.items() if c.is_Rational}
 
     def _element(self, top: Polynomial, below: Polynomial) -> RingElement:

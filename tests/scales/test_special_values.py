@@ -348,3 +348,21 @@ def test_functions_of_a_state_that_vanishes_have_their_value_there(loss: sp.Expr
     for each in at_zero:
         # a z = k x on the way there.
         assert sp.simplify(each.reduced[x] - b * (1 - x)) == 0
+
+
+@pytest.mark.parametrize(
+    ("loss", "said"),
+    [
+        # A function that vanishes tells where its state is, so that the slope of z tanh(z) is 0 there.
+        (z * sp.tanh(z), []),
+        (z * (sp.exp(z) - 1), []),
+        (z * sp.log(1 + z), []),
+        (sp.tanh(z), [True]),
+        (sp.exp(z) - 1, [True]),
+        (z * (sp.exp(z) - 2), [False, True]),
+    ],
+    ids=str,
+)
+def test_a_function_that_is_known_on_the_manifold_tells_its_state(loss: sp.Expr, said: list) -> None:
+    found = small_parameters(field({x: b * (1 - x), z: -a * loss + k * x}, (a, b, k)), vanishing=["b", "k"])
+    assert sorted(each.attracts for each in found if set(each.vanishing) == {"b", "k"}) == said
