@@ -215,7 +215,7 @@ def manifold_label(small: sp.Symbol | None, value: float) -> str:
 
 def at_epsilon(small: sp.Symbol | None, value: float) -> str:
     """The label of a run at this value of the `small` parameter, by its own name."""
-    return f"{mathematics(str(small))} = {value:.3g}"
+    return f"{mathematics(str(small))} = {value:.6g}"
 
 
 def name_axes(axes: Axes, *names: str) -> None:

@@ -100,7 +100,7 @@ class Comparison(Drawn, Tabular):
         ended: dict[Status, dict[str, list[int]]] = {}
         for n, statuses in self.statuses.items():
             for status in dict.fromkeys(s for s in statuses if not s.ok):
-                where = [f"{e:.3g}" for e, s in zip(self.epsilons, statuses) if s is status]
+                where = [f"{e:.6g}" for e, s in zip(self.epsilons, statuses) if s is status]
                 places = "each" if len(where) == len(self.epsilons) else ", ".join(where)
                 ended.setdefault(status, {}).setdefault(places, []).append(n)
         return {

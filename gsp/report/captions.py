@@ -306,7 +306,7 @@ def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _at(analysis: Analysis, setter: Typesetter) -> Markup:
     """The small parameter and its value."""
-    return Markup("{} = {}").format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+    return Markup("{} = {}").format(_epsilon(analysis, setter), number(analysis.scene.epsilon, 6))
 
 
 def _place(point: Mapping[str, float], analysis: Analysis, setter: Typesetter, digits: int = 3) -> Markup:
