@@ -19,6 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from gsp.roots import root
+
 # r changes by at most this factor in one step.
 FACTOR = 4.0
 # Degrees: the first, and the one at which an orbit is not resolved.
@@ -45,6 +47,16 @@ class Connection(NamedTuple):
     error: float
     phase: np.ndarray
     x: np.ndarray
+
+
+def zero_error(gap: Callable[[float, float], float], zero: float, looser: float) -> float:
+    """How far off a `zero` of gap(rate, rtol) is, by those of a `looser` rtol and three times that.
+
+    One of them may agree by luck.
+    """
+    near = 1e3 * looser * zero
+    zeros = [root(lambda r, t=rtol: gap(r, t), zero - near, zero + near) for rtol in (looser, 3.0 * looser)]
+    return max(near if each is None else abs(each - zero) for each in zeros) + 8.0 * ROUNDING * zero
 
 
 def nodes(degree: int) -> np.ndarray:

@@ -14,13 +14,13 @@ import numpy as np
 
 from gsp.errors import Status
 from gsp.roots import root
-from gsp.singular.ramps.connection import Connection
+from gsp.singular.ramps.connection import Connection, zero_error
 from gsp.singular.ramps.ramp_run import RampRun, run_ramp
 from gsp.singular.ramps.ramped import Place, Ramped
 from gsp.singular.ramps.section import DECADES, PER_DECADE, SETTLING
 
-# Runs are this accurate, and errors are told by others that are less so: by two, as one may agree by luck.
-FINE, COARSE = 1e-11, (1e-9, 3e-9)
+# Runs are this accurate, and errors are told by others that are less so.
+FINE, COARSE = 1e-11, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +63,7 @@ def _matched(escape: Escape, a: float, b: float) -> Connection | None:
     fine = root(escape.side, a, b)
     if fine is None:
         return None
-    near = 1e3 * max(COARSE) * fine
-    coarse = [
-        root(lambda rate, rtol=rtol: escape.side(rate, rtol), fine - near, fine + near) for rtol in COARSE
-    ]
-    off = max(near if each is None else abs(each - fine) for each in coarse)
-    error = off + 8.0 * np.finfo(float).eps * fine
+    error = zero_error(escape.side, fine, COARSE)
     low, high = (escape.run(fine + sign * error) for sign in (-1.0, 1.0))
     common = low.phase[low.phase <= high.phase.max()]
     x = np.array([np.interp(common, high.phase, column) for column in high.x.T]).T

@@ -24,7 +24,7 @@ import sympy as sp
 from gsp.errors import Status
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.roots import root
-from gsp.singular.ramps.connection import Connection
+from gsp.singular.ramps.connection import Connection, zero_error
 from gsp.singular.ramps.ramp_run import RATE, leaving
 from gsp.singular.ramps.ramped import Place, Ramped
 from gsp.systems.system import VectorField
@@ -295,11 +295,8 @@ def matched(passage: Passage, a: float, b: float) -> Connection | None:
     # Where no run passes near the edge, the ends differ by something else, and so they do where rounding decides.
     if fine is None or abs(passage.gap(fine)) == 1.0 or not _changes_once(passage, fine, b - a):
         return None
-    near = 1e3 * COARSE * fine
-    coarse = root(lambda rate: passage.gap(rate, COARSE), fine - near, fine + near)
-    error = near if coarse is None else abs(coarse - fine) + 4.0 * np.finfo(float).eps * fine
     x, s = passage.orbit(fine)
-    return Connection(fine, error, s, x)
+    return Connection(fine, zero_error(passage.gap, fine, COARSE), s, x)
 
 
 def _changes_once(passage: Passage, zero: float, way: float) -> bool:
