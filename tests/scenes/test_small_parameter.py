@@ -192,6 +192,15 @@ def test_a_parameter_in_no_rate_separates_nothing(motor: gsp.Scene) -> None:
         take_small(gsp.Scene(field, {}, {"x": 1}, (0, 1)), parameter="a")
 
 
+def test_a_factor_of_every_rate_sets_the_pace_and_separates_nothing() -> None:
+    x, y, r = sp.symbols("x y r")
+    for rates in ({x: r * x * (1 - x)}, {x: -r * x * y, y: r * (x - y) / 3}):
+        field = gsp.VectorField(rates, parameters={r: sp.Rational(1, 9)})
+        scene = gsp.Scene(field, {}, {state.name: 0.5 for state in rates}, (0, 1))
+        with pytest.raises(GspError, match="r is a factor of every rate and stands nowhere else"):
+            take_small(scene, parameter="r")
+
+
 def test_what_was_taken_and_what_is_left_is_told() -> None:
     x, y, z, a, b, c = sp.symbols("x y z a b c")
     field = gsp.VectorField(
