@@ -196,7 +196,7 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
             said.append(f"{epsilon} = {scene.epsilon:g} is not small, and series in it are of no use")
         parameters = {s: v for s, v in system.parameters.items() if s != epsilon}
         if slower:
-            said.append(f"{explain_slow_time(scene, before)}; fast in that time: {', '.join(fast)}")
+            said += [explain_slow_time(scene, before), f"fast in that time: {', '.join(fast)}"]
         others = [z.name for z, rate in rates.items() if z.name not in fast and rate.has(epsilon)]
         if others:
             said.append(f"{epsilon} stands in the rates of {', '.join(others)} too, and is as small there")

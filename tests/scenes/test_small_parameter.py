@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.cli.telling import NOTE
 from gsp.errors import DeclarationError, GspError, SplittingError
 from gsp.scenes.small_parameter import explain_small, take_fast, take_small, without_small
 from gsp.systems.system import SlowFastSystem
@@ -248,4 +249,9 @@ def test_a_parameter_that_is_not_small_is_told_as_such(motor: gsp.Scene) -> None
     said = explain_small(take_small(motor, parameter="R"), motor)
     assert said[:2] == ["small parameter: R = 1", "R = 1 is not small, and series in it are of no use"]
     assert "rates are divided by R" in said[2]
-    assert said[2].endswith("fast in that time: i, w")
+    assert said[3] == "fast in that time: i, w"
+    # The command line cuts notes.
+    x, y, uptake = sp.symbols("x y uptake")
+    field = gsp.VectorField({x: uptake - x - y, y: x - y}, parameters={uptake: 10})
+    before = gsp.Scene(field, {}, {"x": 1, "y": 1}, (0, 60))
+    assert max(map(len, explain_small(take_small(before, parameter="uptake"), before))) <= NOTE
