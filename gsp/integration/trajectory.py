@@ -165,7 +165,7 @@ class Trajectory(Drawn, Tabular):
             raise GspError(
                 f"the trajectory covers [{as_given(low)}, {as_given(high)}].",
                 "Ask inside, or integrate over a longer span.",
-                got=f"t = {as_given(flat[outside])}",
+                got=f"t = {as_given(float(flat[outside]))}",
             )
         return out if times.ndim else out[:, 0]
 

@@ -362,7 +362,6 @@ def test_a_state_ten_units_away_has_an_error_that_holds() -> None:
 @pytest.mark.parametrize("first", [sp.Rational(1, 5), sp.Rational(7, 10), 300])
 def test_a_parameter_that_comes_back_is_told_without_the_rounding_of_its_ends(first: sp.Expr) -> None:
     """l - 1/5 is what a lake's load is to its state; there is one rest point more behind the hump."""
-    x, l = sp.symbols("x l")
     field = gsp.VectorField(
         {x: l - first + sp.Rational(1, 5) - 3 * x / 5 + x**4 / (1 + x**4)}, parameters={l: first}
     )
@@ -371,3 +370,13 @@ def test_a_parameter_that_comes_back_is_told_without_the_rounding_of_its_ends(fi
     assert str(found).count(f"l = {float(first):g}") == 2
     # By SciPy's runs, bisected.
     assert abs(found.rate - 1.909974183) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"), [((1, -2), "where the ramp begins"), ((-1, -4), "where the ramp ends")]
+)
+def test_ends_that_are_no_rest_points_say_where_to_give_one(ends: tuple[int, int], words: str) -> None:
+    field = gsp.VectorField({x: (x + l) ** 2 - 1}, parameters={l: 0})
+    ramp = gsp.Ramp.logistic({l: (0, 3)})
+    with pytest.raises(RampError, match=f"Give a place near one that there is {words}"):
+        gsp.critical_rate(field, ramp=ramp, start={"x": ends[0]}, edge={"x": ends[1]})
