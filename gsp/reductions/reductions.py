@@ -340,7 +340,9 @@ def _reason(
             )
         told = f"{nearest.name}, whose error is {to_order}"
         if best.error <= scene.tolerance:
-            reason = f"Do not reduce: no candidate serves {over}. The nearest is the {told}; but {best.why_not}."
+            reason = (
+                f"Do not reduce: no candidate serves {over}. The nearest is the {told}; but {best.why_not}."
+            )
             if best.candidate.failure is not Failure.REGION:
                 return reason
             return f"{reason} {within_region(best.candidate, best.measured[0] - scene.span[0], scene)}"
