@@ -504,6 +504,21 @@ def test_a_report_is_opened_when_that_is_asked(tmp_path, monkeypatch: pytest.Mon
     assert told.stdout.endswith("No browser was found here; open the file in one.\n")
 
 
+def test_a_reduced_run_tells_how_far_its_start_is_known(tmp_path) -> None:
+    """x' = v, epsilon v' = -v - x - x^3/2: through order 9 the base point of x = 1.5, v = 0 lies at 3.4."""
+    file = tmp_path / "spring.toml"
+    file.write_text(
+        '[slow]\nx = "v"\n[fast]\nv = "-v - x - x^3/2"\n[region]\nx = [-2, 2]\n'
+        "[start]\nx = 1.5\nv = 0\n[scene]\nspan = [0, 4]\nepsilon = 0.05\n"
+    )
+    assert (
+        "base point of the start, of which x is known to about 3\n"
+        in run("run", str(file), "--order", "9").stderr
+    )
+    assert "known" not in run("run", str(file), "--order", "1", "--epsilon", "1e-6").stderr
+    assert "known" not in run("run", str(file)).stderr
+
+
 def test_a_reduced_run_on_an_implicit_branch_is_told_in_the_variables_that_were_asked_about() -> None:
     lines = run("run", "van_der_pol", "--order", "1").output.splitlines()
     assert [line.split()[0] for line in lines if "->" in line] == ["y", "x"]

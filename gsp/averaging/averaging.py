@@ -264,7 +264,8 @@ def average(
     if turns is None and two is None:
         raise DeclarationError(
             "nothing says what turns.",
-            'Name the state that is the phase, phase="theta", or the two that turn about one another, pair=("u", "v").',
+            'Name the state that is the phase, phase="theta", or the two that turn about one another, pair=("u", "v"); '
+            "on the command line --phase theta or --pair u,v.",
         )
     if turns is not None and two is not None and turns in two:
         raise DeclarationError(f"{turns} is the phase and one of the pair.", "Name three different states.")

@@ -19,6 +19,7 @@ from gsp.choice.choice import Choice, choose
 from gsp.choice.hybrid_run import HybridRun, ModelPiece, ModelSwitch
 from gsp.choice.model_switching import run_solved, run_switched
 from gsp.errors import DeclarationError, GspError, Status
+from gsp.results.bounds import as_given
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
@@ -91,9 +92,9 @@ class Simulation(Drawn, Tabular):
         outside = times[~((times >= first) & (times <= last))]
         if outside.size:
             raise GspError(
-                f"the simulation covers [{first:.17g}, {last:.17g}].",
+                f"the simulation covers [{as_given(first)}, {as_given(last)}].",
                 "Ask inside, or simulate a longer span.",
-                got=f"t = {outside[0]:.17g}",
+                got=f"t = {as_given(outside[0])}",
             )
         ends = np.array([piece.end for piece in self.pieces[:-1]])
         return np.searchsorted(ends, times, side="left")

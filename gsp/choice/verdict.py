@@ -18,7 +18,6 @@ from gsp.systems.system import SlowFastSystem
 # A named epsilon is this share of the one at which the predicted error would just do.
 MARGIN = 0.8
 CUT_SHORT = "Of a reduced run that ends before the span does, time and steps are as far as it holds."
-WITHIN_REGION = "A larger region or a shorter span would help."
 
 
 class Answer(StrEnum):
@@ -249,12 +248,25 @@ def _is_longer(one: Candidate, other: Candidate, scene: Scene) -> bool:
     return until > others
 
 
+def _has_room(candidate: Candidate, layer: float, scene: Scene) -> bool:
+    """Whether a span that ended where the candidate no longer holds would not be mostly layer."""
+    return layer < LARGEST_LAYER * (candidate.holds_until - scene.span[0])
+
+
+def within_region(candidate: Candidate, layer: float, scene: Scene) -> str:
+    """What would help a candidate that leaves the region."""
+    also = " or a shorter span" if _has_room(candidate, layer, scene) else ""
+    return f"A larger region{also} would help."
+
+
 def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     """What would help, in one sentence."""
     scene, full = evidence.scene, evidence.candidates[-1]
     length = scene.span[1] - scene.span[0]
     if nearest.failure in (Failure.GAP, Failure.KINK, Failure.END):
-        return "A span that ends before that place, or a start behind it, would help."
+        if _has_room(nearest, evidence.layer, scene):
+            return "A span that ends before that place, or a start behind it, would help."
+        return "A start further from that place, or behind it, would help."
     if not full.valid:
         # Beyond there is nothing that a reduced model could be near to.
         return f"Ask about a span that ends before t = {shown_within(full.holds_until, scene.span)}."
@@ -275,7 +287,7 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     if nearest.failure is Failure.UNTOLD:
         return "compare() measures its error against full runs."
     if nearest.failure is Failure.REGION:
-        return WITHIN_REGION
+        return within_region(nearest, evidence.layer, scene)
     enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
     # A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
     if enough >= 0.01 * scene.epsilon:

@@ -10,7 +10,7 @@ import click
 
 from gsp.cli.asking import asks, found_small, json_option, orders_through, output_option, tell_variables
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, check_parent, print_json, progress_bar, tell, wrote
+from gsp.cli.telling import check_interrupt, check_parent, print_json, progress_bar, tell, tell_notes, wrote
 from gsp.errors import DeclarationError
 from gsp.results.files import write_file
 
@@ -52,9 +52,16 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
 
             tell_variables(scene)
             study = study_of(scene)
+            base = study.base_point(order)
+            # An error that three digits would hide is none that a run shows.
+            tell_notes(
+                f"the run begins at the base point of the start, of which {name} is known to about {error:.1g}"
+                for name, error in base.errors.items()
+                if f"{base[name] - error:.3g}" != f"{base[name] + error:.3g}"
+            )
             found = trajectory_of(
                 study.reduced(order),
-                start=study.base_point(order),
+                start=base,
                 span=study.scene.span,
                 epsilon=study.scene.epsilon,
                 rtol=RTOL,

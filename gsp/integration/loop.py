@@ -27,6 +27,7 @@ from gsp.kernels import integrator
 from gsp.kernels.grid import runs_along
 from gsp.kernels.launch import NOT_BEGUN, OVER_SLOW, Y, launch, launch_watched
 from gsp.lowering.compiled_flow import CompiledFlow
+from gsp.results.bounds import as_given
 from gsp.systems.arguments import as_float, check_array, check_number, check_whole, shown
 
 # Rounding in a step is a few units in the last place; a tolerance nearer to it than this is never met.
@@ -248,13 +249,13 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
         raise DeclarationError(
             f"at must lie inside the span ({first:g}, {last:g}).",
             "Drop it or lengthen the span.",
-            got=f"{outside[0]:.17g}",
+            got=as_given(outside[0]),
         )
     i = int(np.argmin((grid[1:] - grid[:-1]) * (last - first) > 0.0))
     raise DeclarationError(
         "at must run from the start to the end of the span, without repeats.",
         "Sort it.",
-        got=f"{grid[i]:.17g}, then {grid[i + 1]:.17g}",
+        got=f"{as_given(grid[i])}, then {as_given(grid[i + 1])}",
     )
 
 

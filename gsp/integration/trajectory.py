@@ -37,6 +37,7 @@ from gsp.integration.watching import examined
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.evaluate import observe
 from gsp.lowering.compiled_flow import compile_flow
+from gsp.results.bounds import as_given
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_array, check_flag, check_noun, check_progress, check_times
@@ -162,9 +163,9 @@ class Trajectory(Drawn, Tabular):
         if outside >= 0:
             low, high = sorted((float(ends[0]), float(ends[-1])))
             raise GspError(
-                f"the trajectory covers [{low:.17g}, {high:.17g}].",
+                f"the trajectory covers [{as_given(low)}, {as_given(high)}].",
                 "Ask inside, or integrate over a longer span.",
-                got=f"t = {flat[outside]:.17g}",
+                got=f"t = {as_given(float(flat[outside]))}",
             )
         return out if times.ndim else out[:, 0]
 

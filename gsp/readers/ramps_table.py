@@ -34,7 +34,8 @@ def read_ramps(
         for parameter in moved:
             if parameter not in symbols:
                 raise ModelFileError(
-                    f"{key}.parameters.{parameter[:64]} is unknown.{nearest(parameter[:64], symbols)}"
+                    f"{key}.parameters.{parameter[:64]} is unknown. A ramp moves parameters."
+                    f"{nearest(parameter[:64], symbols)}"
                 )
         points = {what: values.point(table, what, f"{key}.{what}") for what in ("edge", "start")}
         if profile in KINDS:

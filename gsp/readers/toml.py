@@ -355,7 +355,9 @@ def _claims(
         claims[name] = {}
         for state, rate in rates.items():
             if state not in symbols:
-                raise ModelFileError(f"{key}.{state[:64]} is unknown.{nearest(state[:64], symbols)}")
+                raise ModelFileError(
+                    f"{key}.{state[:64]} is unknown. A claim gives rates of states.{nearest(state[:64], symbols)}"
+                )
             claims[name][symbols[state]] = values.expression(rate, f"{key}.{state}", symbols, definitions)
     return claims
 

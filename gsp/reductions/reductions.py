@@ -14,7 +14,7 @@ from gsp.choice.choice import Choice
 from gsp.choice.costs import cheapest
 from gsp.choice.measured_errors import RTOL
 from gsp.choice.prediction import Failure
-from gsp.choice.verdict import WITHIN_REGION, seconds_shown, serving_of
+from gsp.choice.verdict import seconds_shown, serving_of, within_region
 from gsp.errors import GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.reductions.fast_directions import fast_directions
@@ -340,8 +340,12 @@ def _reason(
             )
         told = f"{nearest.name}, whose error is {to_order}"
         if best.error <= scene.tolerance:
-            remedy = f" {WITHIN_REGION}" if best.candidate.failure is Failure.REGION else ""
-            return f"Do not reduce: no candidate serves {over}. The nearest is the {told}; but {best.why_not}.{remedy}"
+            reason = (
+                f"Do not reduce: no candidate serves {over}. The nearest is the {told}; but {best.why_not}."
+            )
+            if best.candidate.failure is not Failure.REGION:
+                return reason
+            return f"{reason} {within_region(best.candidate, best.measured[0] - scene.span[0], scene)}"
         return (
             f"Do not reduce: no candidate stays within the tolerance {scene.tolerance:g} {over}. The nearest is the "
             f"{told}."

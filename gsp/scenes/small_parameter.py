@@ -17,7 +17,7 @@ from gsp.errors import DeclarationError, SplittingError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import LADDER, Scene
 from gsp.scenes.slow_time import explain_slow_time, told_in_slow_time
-from gsp.splitting.fast_time import divides
+from gsp.splitting.fast_time import divided, divides
 from gsp.systems.arguments import check_among, check_each, check_noun, check_text, shown
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval
@@ -47,7 +47,7 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
     multiplied by it. A small parameter that the scene had becomes an ordinary one. States that are not fast and that
     the region does not bound get the interval that the run from the start stays in. Raises `DeclarationError` for a
     name that is no parameter, for a value that is not positive, and for a parameter that stands in no rate or in a
-    function.
+    function, and `SplittingError` for a factor of every rate that stands nowhere else.
 
     >>> from gsp import models
     >>> take_small(models.load("michaelis_menten"), parameter="kappa").system.epsilon
@@ -73,14 +73,15 @@ def take_small(scene: Scene, *, parameter: str) -> Scene:
     has_pole = any(divides(rate, symbol) for rate in system.rates)
     # In another time the rates of ramps would be others.
     changes = {} if has_pole else told_in_slow_time(plain, symbol, value) | {"ramps": {}}
-    rates = {state: rate / symbol if changes else rate for state, rate in zip(system.states, system.rates)}
     field = VectorField(
-        rates,
+        dict(zip(system.states, system.rates)),
         epsilon=symbol,
         parameters={s: v for s, v in system.parameters.items() if s != symbol},
         name=system.name,
         observables=system.observables,
     )
+    field = divided(field) if changes else field
+    rates = field.equations
     fast = [state for state, rate in rates.items() if divides(rate, symbol)]
     # Of fast states that are not so by themselves slow coordinates are made, which need their bounds.
     unbounded = [state.name for state in fast] if are_fast_by_themselves(rates, symbol, fast) else []
@@ -195,7 +196,7 @@ def explain_small(scene: Scene, before: Scene) -> list[str]:
             said.append(f"{epsilon} = {scene.epsilon:g} is not small, and series in it are of no use")
         parameters = {s: v for s, v in system.parameters.items() if s != epsilon}
         if slower:
-            said.append(f"{explain_slow_time(scene, before)}; fast in that time: {', '.join(fast)}")
+            said += [explain_slow_time(scene, before), f"fast in that time: {', '.join(fast)}"]
         others = [z.name for z, rate in rates.items() if z.name not in fast and rate.has(epsilon)]
         if others:
             said.append(f"{epsilon} stands in the rates of {', '.join(others)} too, and is as small there")

@@ -12,6 +12,7 @@ from gsp.critical.sampling import EDGE
 from gsp.errors import GspError, Status
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.results.bounds import as_given
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
 from gsp.slow.chebyshev import ChebyshevSurface
@@ -90,7 +91,7 @@ class SampledManifold(Card, Tabular):
                 raise GspError(
                     f"the manifold covers {symbol} in [{low:g}, {high:g}].",
                     "Ask inside, or solve it over a larger region.",
-                    got=f"{symbol} = {outside[0]:.17g}",
+                    got=f"{symbol} = {as_given(outside[0])}",
                     value=float(outside[0]),
                     point={symbol.name: float(outside[0])},
                 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from gsp.algebra.laurent import misplaced_epsilon, pole_order
+from gsp.errors import SplittingError
 from gsp.systems.system import SlowFastSystem, VectorField
 
 
@@ -21,11 +22,21 @@ def is_in_fast_time(system: SlowFastSystem | VectorField) -> bool:
 
 
 def divided(field: VectorField) -> VectorField:
-    """The field with every rate divided by epsilon, term by term."""
+    """The field with every rate divided by epsilon, term by term.
+
+    Raises `SplittingError` where epsilon is a factor of every rate and stands nowhere else.
+    """
+    epsilon = field.epsilon
     rates = {
-        state: sp.Add(*(term / field.epsilon for term in sp.Add.make_args(rate)))
+        state: sp.Add(*(term / epsilon for term in sp.Add.make_args(rate)))
         for state, rate in field.equations.items()
     }
+    if not any(rate.has(epsilon) for rate in rates.values()):
+        raise SplittingError(
+            f"{epsilon} is a factor of every rate and stands nowhere else, so that it sets the pace of time and "
+            "separates no time scales.",
+            "Name another parameter as the small one, or none: a model needs no small parameter.",
+        )
     return field.as_field(rates)
 
 

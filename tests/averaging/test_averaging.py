@@ -349,7 +349,7 @@ REFUSED = {
         {"pair": ("u", "v")}, SplittingError, "psi moves as fast as u and v turn",
     ),
     "no such state": (turning(1 / epsilon), {"phase": "phi"}, DeclarationError, "phase names 'phi'"),
-    "nothing named": (turning(1 / epsilon), {}, DeclarationError, "nothing says what turns"),
+    "nothing named": (turning(1 / epsilon), {}, DeclarationError, "on the command line --phase theta or --pair u,v"),
     "no small parameter": (
         gsp.VectorField({x: -x, theta: sp.Integer(1)}), {"phase": "theta"}, DeclarationError, "the field has none",
     ),

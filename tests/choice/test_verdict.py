@@ -15,10 +15,12 @@ from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer, Evidence, far_from_origin, judge
 from gsp.cli import cli
 from gsp.integration.trajectory import integrate
+from gsp.reductions.reductions import find_reductions
 from gsp.report import as_json, write_report
 from gsp.report.sections import Page
 from gsp.report.wording import words
 from gsp.scenes.scene import Scene
+from gsp.scenes.small_parameter import without_small
 from gsp.systems.system import SlowFastSystem
 from tests.analyses import analysis_of
 
@@ -124,6 +126,31 @@ def test_part_of_the_span_is_told_with_its_place() -> None:
     assert verdict_of(FULL, part, FULL, partial=part, layer=0.59).answer is Answer.NO
 
 
+def test_a_shorter_span_helps_only_where_it_is_not_mostly_layer() -> None:
+    remedies = {
+        (failure, layer): verdict_of(FULL, each, FULL, layer=layer).remedy
+        for failure in (Failure.END, Failure.REGION)
+        for layer in (0.1, 0.2, 0.4)
+        for each in [failing(0, failure, holds_until=0.3)]
+    }
+    assert {key for key, remedy in remedies.items() if "span" in remedy} == {
+        (Failure.END, 0.1),
+        (Failure.REGION, 0.1),
+    }
+    assert remedies[Failure.REGION, 0.2] == "A larger region would help."
+    assert remedies[Failure.END, 0.4] == "A start further from that place, or behind it, would help."
+
+
+def test_a_region_without_the_slow_manifold_asks_for_a_larger_one_and_no_shorter_span() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: -x}, fast={y: 3 + x - y}, epsilon=epsilon)
+    asked = Scene(system, {"x": (0, 2), "y": (0, 1)}, {"x": 1, "y": 1}, (0, 5), 0.05, tolerance=0.01)
+    assert choose(asked).verdict.remedy == "A larger region would help."
+    plain = find_reductions(without_small(asked))
+    assert "but the region is left at t = 0.3" in plain.reason
+    assert plain.reason.endswith(". A larger region would help.")
+
+
 def test_what_comes_nearest_is_predicted_to_be_least_wrong() -> None:
     # All fail at the end of the layer, so that none serves longer than another.
     flows = [
@@ -174,7 +201,7 @@ def test_a_solved_manifold_that_holds_longest_comes_nearest() -> None:
     ],
 )
 def test_what_would_help_depends_on_why(failure: Failure | None, changes: dict, help: str) -> None:
-    short = failing(1, failure, predicted=float("inf"))
+    short = failing(1, failure, predicted=float("inf"), holds_until=0.5)
     assert help in verdict_of(FULL, short, FULL, **changes).remedy
 
 

@@ -360,6 +360,8 @@ def test_an_error_in_progress_is_the_callers():
         ({"at": [-1, 1]}, "at must lie inside the span"),
         ({"at": [2, 1]}, "without repeats. Got 2, then 1"),
         ({"at": [1, 1]}, "without repeats. Got 1, then 1"),
+        ({"at": [0.5, 0.2]}, r"without repeats. Got 0\.5, then 0\.2\. Sort"),
+        ({"at": [0.1, 10.3]}, r"inside the span \(0, 10\). Got 10\.3\. Drop"),
         ({"at": [1, 2], "span": (10, 0)}, "without repeats"),
         ({"at": []}, "one or more times"),
         ({"at": [[1, 2]]}, "one or more times"),

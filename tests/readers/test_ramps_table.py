@@ -111,7 +111,10 @@ def test_ramps_are_kept() -> None:
     ("table", "said"),
     [
         ('profile = "tanh"\nparameters = {l = 3}', "ramp has two values"),
-        ('profile = "tanh"\nparameters = {q = [0, 3]}', "ramps.a.parameters.q is unknown"),
+        (
+            'profile = "tanh"\nparameters = {q = [0, 3]}',
+            "ramps.a.parameters.q is unknown. A ramp moves parameters",
+        ),
         ('profile = "tanh"\nparameters = {x = [0, 3]}', "moves x, which is no parameter"),
         ('profile = "tanh"\nparameters = {l = [0, 3]}\nends = [0, 1]', "ends belongs to"),
         ("parameters = {l = [0, 3]}", "profile is missing"),

@@ -177,3 +177,14 @@ def test_every_model_is_the_same_system_through_either_door(name: str) -> None:
     numbers = {**place, **study.system.parameters, small: sp.Rational(1, 50)}
     for one, two in zip(study.system.rates, own.system.rates):
         assert complex(one.xreplace(numbers)) == pytest.approx(complex(two.xreplace(numbers)), rel=1e-12)
+
+
+def test_a_small_parameter_that_only_sets_the_pace_is_told_as_such() -> None:
+    x, y, delta = sp.symbols("x y delta")
+    field = VectorField({x: -delta * x, y: delta * (x - y)}, epsilon=delta)
+    scene = Scene(field, {"x": (0, 2), "y": (0, 2)}, {"x": 1, "y": 0}, (0, 50), 0.05)
+    words = "delta is a factor of every rate and stands nowhere else"
+    with pytest.raises(gsp.GspError, match=words):
+        gsp.split(field)
+    assert words in str(gsp.choose(scene))
+    assert gsp.integrate(scene.system, start=scene.start, span=scene.span, epsilon=0.05).t[-1] == 50

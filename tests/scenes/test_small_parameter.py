@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.cli.telling import NOTE
 from gsp.errors import DeclarationError, GspError, SplittingError
 from gsp.scenes.small_parameter import explain_small, take_fast, take_small, without_small
 from gsp.systems.system import SlowFastSystem
@@ -192,6 +193,15 @@ def test_a_parameter_in_no_rate_separates_nothing(motor: gsp.Scene) -> None:
         take_small(gsp.Scene(field, {}, {"x": 1}, (0, 1)), parameter="a")
 
 
+def test_a_factor_of_every_rate_sets_the_pace_and_separates_nothing() -> None:
+    x, y, r = sp.symbols("x y r")
+    for rates in ({x: r * x * (1 - x)}, {x: -r * x * y, y: r * (x - y) / 3}):
+        field = gsp.VectorField(rates, parameters={r: sp.Rational(1, 9)})
+        scene = gsp.Scene(field, {}, {state.name: 0.5 for state in rates}, (0, 1))
+        with pytest.raises(GspError, match="r is a factor of every rate and stands nowhere else"):
+            take_small(scene, parameter="r")
+
+
 def test_what_was_taken_and_what_is_left_is_told() -> None:
     x, y, z, a, b, c = sp.symbols("x y z a b c")
     field = gsp.VectorField(
@@ -239,4 +249,9 @@ def test_a_parameter_that_is_not_small_is_told_as_such(motor: gsp.Scene) -> None
     said = explain_small(take_small(motor, parameter="R"), motor)
     assert said[:2] == ["small parameter: R = 1", "R = 1 is not small, and series in it are of no use"]
     assert "rates are divided by R" in said[2]
-    assert said[2].endswith("fast in that time: i, w")
+    assert said[3] == "fast in that time: i, w"
+    # The command line cuts notes.
+    x, y, uptake = sp.symbols("x y uptake")
+    field = gsp.VectorField({x: uptake - x - y, y: x - y}, parameters={uptake: 10})
+    before = gsp.Scene(field, {}, {"x": 1, "y": 1}, (0, 60))
+    assert max(map(len, explain_small(take_small(before, parameter="uptake"), before))) <= NOTE

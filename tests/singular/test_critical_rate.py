@@ -357,3 +357,26 @@ def test_a_state_ten_units_away_has_an_error_that_holds() -> None:
     assert found.rate is not None
     assert found.error is not None
     assert abs(found.rate - 4 / 3) <= found.error < 1e-12
+
+
+@pytest.mark.parametrize("first", [sp.Rational(1, 5), sp.Rational(7, 10), 300])
+def test_a_parameter_that_comes_back_is_told_without_the_rounding_of_its_ends(first: sp.Expr) -> None:
+    """l - 1/5 is what a lake's load is to its state; there is one rest point more behind the hump."""
+    field = gsp.VectorField(
+        {x: l - first + sp.Rational(1, 5) - 3 * x / 5 + x**4 / (1 + x**4)}, parameters={l: first}
+    )
+    ramp = gsp.Ramp.there_and_back({l: (first, first + sp.Rational(3, 10))})
+    found = gsp.critical_rate(field, ramp=ramp, start={"x": 0.35}, edge={"x": 0.75})
+    assert str(found).count(f"l = {float(first):g}") == 2
+    # By SciPy's runs, bisected.
+    assert abs((found.rate or 0.0) - 1.909974183) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"), [((1, -2), "where the ramp begins"), ((-1, -4), "where the ramp ends")]
+)
+def test_ends_that_are_no_rest_points_say_where_to_give_one(ends: tuple[int, int], words: str) -> None:
+    field = gsp.VectorField({x: (x + l) ** 2 - 1}, parameters={l: 0})
+    ramp = gsp.Ramp.logistic({l: (0, 3)})
+    with pytest.raises(RampError, match=f"Give a place near one that there is {words}"):
+        gsp.critical_rate(field, ramp=ramp, start={"x": ends[0]}, edge={"x": ends[1]})

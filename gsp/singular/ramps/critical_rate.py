@@ -189,7 +189,11 @@ def critical_rate(
     at_rest = given.rest_point(begin.x, begin.s)
     if at_rest is None or not (given.growth(Place(begin.s, at_rest)) < 0.0).all():
         got = asked.place(_named(given, begin, centre.x))
-        raise RampError(f"start is no attracting rest point of {_equations(given)}.", got=got)
+        raise RampError(
+            f"start is no attracting rest point of {_equations(given)}.",
+            "Give a place near one that there is where the ramp begins.",
+            got=got,
+        )
     begin = Place(begin.s, at_rest)
     named = _named(given, begin, centre.x)
 
@@ -231,9 +235,9 @@ def critical_rate(
             text = f"the branch of the start ends in a fold on the way, and {nothing}"
             return answer(TippingVerdict.ALWAYS, text, slow_tips=True)
         kind = "repelling rest point" if len(begin.x) == 1 else "rest point with one unstable direction"
-        remedy = (
-            "" if len(begin.x) == 1 else "Of an edge state that is a cycle name a level of one state beyond it."
-        )
+        remedy = "Give a place near one that there is where the ramp ends."
+        if len(begin.x) > 1:
+            remedy += " Of an edge state that is a cycle name a level of one state beyond it."
         got = asked.place(_named(given, last, centre.x))
         raise RampError(f"edge is no {kind} of {_equations(given)}.", remedy, got=got)
     if len(begin.x) == 1:

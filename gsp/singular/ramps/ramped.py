@@ -95,7 +95,8 @@ class Ramped:
         states = {x.name: point[x.name] for x in self.field.states if x.name in point}
         moved = {name: value for name, value in point.items() if name not in states}
         ends = [e for e in self.ramp.ends if e is not None]
-        along = self.moved(np.array(ends, dtype=float)) if moved else {}
+        # Where a ramp comes back its ends differ by rounding only.
+        along = self.moved(np.linspace(ends[0], ends[-1], 16)) if moved else {}
         digits = {name: digits_between((values.min(), values.max())) for name, values in along.items()}
         return ", ".join(filter(None, (self.field.place(states), in_words(moved, more=digits))))
 
