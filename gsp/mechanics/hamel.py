@@ -131,7 +131,8 @@ def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, 
     """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
 
     def terms(equations: HamelEquations) -> int:
-        return sum(len(e.numerator) for row in equations.metric for e in row)
+        # The force tells of denominators too, which its derivatives multiply out and the metric does not show.
+        return sum(len(e.numerator) for row in (*equations.metric, equations.force) for e in row)
 
     given = first = _derived(system, frame, further)
     for q, references in _turned_together(given).items():

@@ -221,8 +221,24 @@ def towing(trailers: int) -> FrictionSystem:
     return with_friction(system, slips, epsilon=epsilon)
 
 
+def snakeboard() -> FrictionSystem:
+    """A board between two axles that are steered, all angles from one axis in space."""
+    d, k, front, back, frontdot, backdot, u = sp.symbols("d k front back frontdot backdot u")
+    L = m * (xdot**2 + ydot**2) / 2 + inertia * (thetadot**2 + (frontdot**2 + backdot**2) / 3) / 2
+    L += k * (cos(front - theta) + cos(back - theta))
+    slips = [
+        ydot * cos(steered) - xdot * sin(steered) + arm * cos(steered - theta) * thetadot
+        for steered, arm in ((front, d), (back, -d))
+    ]
+    q, rates = [x, y, theta, front, back], [xdot, ydot, thetadot, frontdot, backdot]
+    system = LagrangianSystem(L, q, rates, parameters={m: 1.3, inertia: 0.4, d: 0.7, k: 0.3})
+    frame = {u: xdot * cos(theta) + ydot * sin(theta), frontdot: frontdot, backdot: backdot}
+    return with_friction(system, slips, epsilon=epsilon, frame=frame)
+
+
 SYSTEMS = {
     "two trailers": lambda: towing(2),
+    "snakeboard": snakeboard,
     "trailer": trailer,
     "skates": skates,
     "sleigh": sliding_sleigh,
@@ -293,6 +309,13 @@ def test_angles_are_measured_from_those_of_the_neighbour() -> None:
     system, (t0, t1, t2) = towing(2), sp.symbols("t0:3")
     used = set().union(*(rate.atoms(sin, cos) for rate in system.field.rates))
     assert {frozenset(f.free_symbols) for f in used} == {frozenset({t0, t1}), frozenset({t1, t2})}
+
+
+def test_angles_are_measured_from_the_body_that_carries_them() -> None:
+    """From one another the metric of the axles is as short, and its denominators are long."""
+    system, (front, back) = snakeboard(), sp.symbols("front back")
+    used = set().union(*(rate.atoms(sin, cos) for rate in system.field.rates))
+    assert {frozenset(f.free_symbols) for f in used} == {frozenset({theta, front}), frozenset({theta, back})}
 
 
 def test_formulas_that_are_too_long_are_refused_with_what_makes_them_shorter() -> None:
