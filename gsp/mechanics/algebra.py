@@ -6,7 +6,8 @@ in them over few denominators; `gsp.algebra.ring` does the arithmetic. Nothing i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import reduce
 from types import MappingProxyType
 from typing import Any
@@ -34,6 +35,15 @@ _RATIOS = {
     sp.sec: lambda u: 1 / sp.cos(u),
     sp.csc: lambda u: 1 / sp.sin(u),
 }
+
+
+@contextmanager
+def within_budget() -> Iterator[None]:
+    """A `BudgetError` of what is derived here tells what makes formulas shorter."""
+    try:
+        yield
+    except BudgetError as error:
+        raise BudgetError(f"{error.fact}.", SHORTER, value=error.spent, limit=error.limit) from None
 
 
 class Angles:

@@ -11,8 +11,8 @@ from typing import Any, cast, overload
 import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
-from gsp.errors import BudgetError, DeclarationError
-from gsp.mechanics.algebra import SHORTER, Algebra, Matrix, entries
+from gsp.errors import DeclarationError
+from gsp.mechanics.algebra import Algebra, Matrix, entries, within_budget
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
 from gsp.mechanics.damping import KINETIC, Damping, check_damping_over, kinetic_damping, read_damping
 from gsp.mechanics.dry_friction import DryFrictionSystem, grouped, read_contacts
@@ -51,10 +51,8 @@ class FrictionSystem(SlippingSystem):
 
         Raises `BudgetError` where its formulas are too long to be formed.
         """
-        try:
+        with within_budget():
             return geometric_splitting(self.field, self._equations, self._momenta, self._mobility, self._layer)
-        except BudgetError as error:
-            raise BudgetError(f"{error.fact}.", SHORTER, value=error.spent, limit=error.limit) from None
 
     @property
     def has_constant_fibres(self) -> bool:
@@ -92,6 +90,7 @@ class FrictionSystem(SlippingSystem):
         pole = equations.energy_derivative(self._layer, explicit=False)
         return equations.algebra.write(regular) + equations.algebra.write(pole) / self.epsilon
 
+    @within_budget()
     def slip_defect(self) -> tuple[sp.Expr, ...]:
         """h_1 + B^-1 lambda (k,) in the slow variables: zeros, for w = -epsilon B^-1 lambda + O(epsilon^2).
 

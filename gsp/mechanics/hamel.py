@@ -17,7 +17,7 @@ import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.mechanics.algebra import Algebra, Matrix, generic_points, numbers, transpose
+from gsp.mechanics.algebra import Algebra, Matrix, generic_points, numbers, transpose, within_budget
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.velocity_forms import rank
@@ -127,6 +127,7 @@ class HamelEquations:
         return total.reduced()
 
 
+@within_budget()
 def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, ...] = ()) -> HamelEquations:
     """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
 
