@@ -332,16 +332,21 @@ def test_forces_add_their_power_to_the_dissipation() -> None:
     assert sp.expand(system.energy_rate() - system.dissipation() + k * along**2) == 0
 
 
+def somewhere(system: FrictionSystem) -> dict[sp.Symbol, sp.Expr]:
+    """A place of the field's states, to 30 digits, with the parameters and an epsilon."""
+    rng = np.random.default_rng(3)
+    point = {s: sp.Float(float(value), 30) for s, value in zip(system.field.states, rng.uniform(0.2, 1, 20))}
+    return {**point, **system.field.parameters, epsilon: sp.Rational(1, 7)}
+
+
 @pytest.mark.exhaustive
-def test_slow_momenta_feel_no_friction() -> None:
-    for build in SYSTEMS.values():
-        splitting = build().splitting
-        states = splitting.field.states
-        assert splitting.system is not None
-        for s in splitting.system.x:
-            gradient = sp.Matrix([[sp.diff(splitting.coordinates[s], z) for z in states]])
-            pull = gradient * splitting.N
-            assert pull.applyfunc(lambda e: sp.trigsimp(sp.cancel(e))).is_zero_matrix
+@pytest.mark.parametrize("name", list(SYSTEMS))
+def test_slow_momenta_feel_no_friction(name: str) -> None:
+    system = SYSTEMS[name]()
+    splitting, values = system.splitting, somewhere(system)
+    for s in system.standard_form.x:
+        gradient = sp.Matrix([[sp.diff(splitting.coordinates[s], z) for z in system.field.states]])
+        assert all(abs(sp.N(pull)) < 1e-20 for pull in gradient.subs(values) * splitting.N.subs(values))
 
 
 @pytest.mark.exhaustive
@@ -350,9 +355,7 @@ def test_the_standard_form_is_the_field_in_other_coordinates(name: str) -> None:
     system = SYSTEMS[name]()
     splitting = system.splitting
     standard = system.standard_form
-    rng = np.random.default_rng(3)
-    point = {s: sp.Float(float(value), 30) for s, value in zip(system.field.states, rng.uniform(0.2, 1, 20))}
-    values = {**point, **system.field.parameters, epsilon: sp.Rational(1, 7)}
+    values = somewhere(system)
     new = {s: e.subs(values) for s, e in splitting.coordinates.items()}
     moved = {**new, **system.field.parameters, epsilon: sp.Rational(1, 7)}
     for s, rate in zip(standard.states, standard.rates):
@@ -361,7 +364,7 @@ def test_the_standard_form_is_the_field_in_other_coordinates(name: str) -> None:
         )
         assert abs(sp.N(rate.subs(moved) - chain.subs(values))) < 1e-20
     for z, e in splitting.inverse.items():
-        assert abs(sp.N(e.subs(moved) - point[z])) < 1e-20
+        assert abs(sp.N(e.subs(moved) - values[z])) < 1e-20
 
 
 @pytest.mark.exhaustive
