@@ -4,8 +4,8 @@ Two trailers
 
 A car tows two trailers, each hitched to the axle before it, with a spring at each hitch. All angles are measured from
 one axis in space, as one would write them down; the equations are derived in the angles between neighbours, in which
-they have 150 terms for 37,000. Tyres that slip a little let the last axle drift out of the bend by O(epsilon), and the
-reduced flows follow it with one power of epsilon more for each order.
+they have 150 terms (37,000 where both trailers are measured from the car). Tyres that slip a little let the last axle
+drift out of the bend by O(epsilon), and the reduced flows follow it with one power of epsilon more for each order.
 """
 
 from itertools import pairwise

@@ -305,7 +305,7 @@ def test_angles_of_several_bodies_may_be_from_an_axis_in_space() -> None:
 
 
 def test_angles_are_measured_from_those_of_the_neighbour() -> None:
-    """From one axis for all the formulas have 37,000 terms, from the car 2,000, and 150 as a chain."""
+    """From one axis for all the formulas are over the budget, from the car they have 37,000 terms, as a chain 150."""
     system, (t0, t1, t2) = towing(2), sp.symbols("t0:3")
     used = set().union(*(rate.atoms(sin, cos) for rate in system.field.rates))
     assert {frozenset(f.free_symbols) for f in used} == {frozenset({t0, t1}), frozenset({t1, t2})}

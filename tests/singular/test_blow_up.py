@@ -416,3 +416,12 @@ def test_a_folded_singularity_of_two_fast_directions_is_where_the_flow_turns() -
     turned = nilpotent_point(system, turning, LossKind.FOLDED_SINGULARITY)
     held = turned.near(200) if isinstance(turned, AlgebraicPoint) else turned
     assert abs(l_g_x_f(held)) < 1e-12
+
+
+def test_a_point_that_only_looks_rational_is_not_simplified_for_ever() -> None:
+    """At 305 of some unit a fold is near fractions, at which exp and tanh of long numbers are not 0."""
+    film, basin = sp.symbols("F B")
+    rate = basin - film - sp.Rational(12, 5) * (sp.exp((film - 300) / 25) - 1) + 6 * sp.tanh((film - 305) / 4)
+    system = gsp.SlowFastSystem(slow={basin: film - basin}, fast={film: rate}, epsilon=sp.Symbol("epsilon"))
+    found = gsp.blow_up(system, near={"F": 307.18664917, "B": 304.99787082})
+    assert dict(found.weights) == {"F": 1, "B": 2, "epsilon": 3}

@@ -291,9 +291,8 @@ class _Builder:
         share = (value[a] / (value[a] - value[b]))[:, None]
         fixed = self.held[a] & self.held[b] & (self.u[a] == self.u[b])
         fresh = self.u[a] + share * (self.u[b] - self.u[a])
-        folds = np.array([self._fold_between(*edge) for edge in zip(fresh, fixed)])
-        true = np.isfinite(folds).all(axis=1)
-        found = folds.copy()
+        found = np.array([self._fold_between(*edge) for edge in zip(fresh, fixed)])
+        true = np.isfinite(found).all(axis=1)
         found[~true] = self._repaired(fresh[~true], fixed[~true])
         lost = np.isnan(found).any(axis=1)
         place = {(int(a), int(b)): len(self.u) + i for i, (a, b) in enumerate(edges)}
