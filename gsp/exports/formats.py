@@ -18,6 +18,7 @@ from gsp.exports.python_texts import casadi_text, jax_text, python_text
 from gsp.exports.reduced_model import ReducedModel
 from gsp.exports.reserved_words import JAVASCRIPT_WORDS, JULIA_WORDS, XPPAUT_NAME, XPPAUT_WORDS
 from gsp.exports.sbml_text import sbml_text
+from gsp.results.long_formulas import NamedParts, lines
 from gsp.results.tex import as_spelt, name_in_tex, tex
 from gsp.systems.tolerances import RTOL
 
@@ -85,7 +86,10 @@ def ode_text(model: ReducedModel) -> str:
 
 
 def latex_text(model: ReducedModel) -> str:
-    """An `align` environment of amsmath: rates, then the slow manifold, a row for each power of epsilon."""
+    """An `align` environment of amsmath: rates, then the slow manifold, a row for each power of epsilon.
+
+    What is wider than a page has a name in its row, and its sum below: TeX sets no line of more than 6 m.
+    """
     if any(is_shared(term) for row in (*model.rate_terms, *model.manifold_terms) for term in row):
         raise BudgetError(
             "the coefficients are programs of many steps, which share their parts, and no formulas.",
@@ -93,27 +97,40 @@ def latex_text(model: ReducedModel) -> str:
         )
     names = renamed(model.symbols, reserved=())
     symbols = {s: sp.Symbol(name) for s, name in names.items()}
-    letters = _letters(symbols.values())
-    power = symbols[model.epsilon]
+    named, parts = NamedParts(names.values()), []
+
+    def fitting(term: sp.Expr) -> sp.Expr:
+        if term in named:
+            return named[term]
+        broken, within = lines(term, named)
+        whole = named[term] if len(broken) > 1 else broken[0]
+        parts.extend([*([(whole, broken)] if len(broken) > 1 else []), *within])
+        return whole
+
+    terms_of = [
+        [[fitting(row[i].xreplace(symbols)) for row in terms] for i in range(len(terms[0]))]
+        for terms in (model.rate_terms, model.manifold_terms)
+    ]
+    letters = _letters([*symbols.values(), *(symbol for symbol, _ in parts)])
 
     def latex(expression: sp.Expr) -> str:
         return tex(expression, names=letters)
 
     rows = []
-    for left, variables, terms in (
-        (r"\dot{{{}}}", model.states, model.rate_terms),
-        ("{}", model.observed, model.manifold_terms),
-    ):
-        for i, variable in enumerate(variables):
+    for left, variables, coefficients in zip((r"\dot{{{}}}", "{}"), (model.states, model.observed), terms_of):
+        for variable, terms in zip(variables, coefficients):
             start = left.format(latex(symbols[variable])) + " &= "
-            for k, row in enumerate(terms):
-                term = row[i].xreplace(symbols)
-                if term == 0 and (k or any(other[i] != 0 for other in terms)):
+            for k, term in enumerate(terms):
+                if term == 0 and (k or any(terms)):
                     continue
-                factor = "" if k == 0 else latex(power**k)
-                text = latex(term) if k == 0 else rf"{factor} \left({latex(term)}\right)"
-                rows.append(start + text)
+                factor = "" if k == 0 else latex(symbols[model.epsilon] ** k)
+                rows.append(start + (latex(term) if k == 0 else rf"{factor} \left({latex(term)}\right)"))
                 start = r"&\quad + "
+    for symbol, sums in parts:
+        start = f"{latex(symbol)} &= "
+        for text in map(latex, sums):
+            rows.append(start.removesuffix("+ " if text.startswith("-") else "") + text)
+            start = r"&\quad + "
     values = [f"{latex(symbols[s])} = {latex(v)}" for s, v in model.parameters.items()]
     text = commented(model, names, "% ") + "\\begin{align}\n" + " \\\\\n".join(rows) + "\n\\end{align}\n"
     return text + (f"with ${', '.join(values)}$.\n" if values else "")

@@ -14,7 +14,8 @@ import sympy as sp
 
 _ACCENTED = r"\\(?:dot|ddot|hat|bar|tilde|vec|check|breve|acute|grave|mathring)\{(?:[A-Za-z]|\\[A-Za-z]+)\}"
 _SET = re.compile(
-    rf"(?:(?P<letter>[A-Za-z]|\\[A-Za-z]+|{_ACCENTED})|(?P<word>[A-Za-z][A-Za-z0-9]+))(?P<below>_\{{[^{{}}^]+\}})?"
+    rf"(?:(?P<letter>[A-Za-z]|\\[A-Za-z]+|{_ACCENTED})|(?P<word>[A-Za-z][A-Za-z0-9]+))"
+    r"(?P<below>_\{[^{}^]*[^{}^ ]\})?"
 )
 
 

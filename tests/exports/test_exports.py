@@ -236,6 +236,39 @@ def test_latex_leaves_out_terms_that_vanish_and_no_variable() -> None:
     ]
 
 
+def test_what_is_wider_than_a_page_is_named_in_latex_and_its_sum_stands_below(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # TeX gave up with "Dimension too large": a row had 6,000 letters of a formula in one line.
+    u, v, a, b, eps = sp.symbols("u v S_1 b eps")
+    loss = u ** sp.Rational(3, 2) / (1 + a * v) - 2 * v - b * v
+    system = gsp.SlowFastSystem(slow={u: -u * v}, fast={v: loss}, epsilon=eps, parameters={a: 3, b: 0.5})
+    box = {"u": (0.2, 2), "v": (0.01, 2)}
+    made = gsp.study(gsp.Scene(system, box, {"u": 1, "v": 0.3}, (0, 2), 0.02, (0.02, 0.01), 1e-6))
+
+    def rows(text: str) -> list[str]:
+        return [line.removesuffix(r" \\") for line in text.splitlines() if "&" in line]
+
+    set_by_tex = rows(gsp.export(made, order=2, to="latex"))
+    assert max(map(len, set_by_tex)) < 400
+    assert set_by_tex[2].startswith(r"&\quad + \mathrm{eps}^{2} \left(")
+    # Not S_1 with a space behind the index, which looks like the parameter.
+    assert any(row.startswith(r"\mathrm{S\_1\_} &= ") for row in set_by_tex)
+
+    # The same rows in letters that Python reads, from the last to the first, as a name stands above its sum.
+    monkeypatch.setattr("gsp.exports.formats.tex", lambda expression, **_: f"({expression})")
+    joined = "\n".join(rows(gsp.export(made, order=2, to="latex"))).replace("\n&\\quad", "")
+    values = {"u": 0.8, "S_1": 3.0, "b": 0.5, "eps": 0.02, "sqrt": np.sqrt}
+    for row in reversed(joined.replace(r"\left", "*").replace(r"\right", "").splitlines()):
+        left, _, right = row.partition(" &= ")
+        assert left.strip("()") not in values
+        values[left.strip("()")] = eval(right, {}, values)
+    names = run_python(gsp.export(made, order=2, to="python"))
+    state = np.array([0.8])
+    assert values[r"\dot{(u)}"] == pytest.approx(names["rates"](0, state)[0], rel=1e-13)
+    assert values["v"] == pytest.approx(names["slow_manifold"](state)[0], rel=1e-13)
+
+
 HOSTILE = 'a "quote" */ #include <x> \\ """ =# alert(1) *\\/ /* //'
 
 
