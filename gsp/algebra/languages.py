@@ -64,7 +64,7 @@ XPPAUT = Language(
     "XPPAUT",
     {
         **{name: name for name in SAME if name not in REWRITTEN},
-        "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min",
+        "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min", "erf": "erf",
     },
     "({}^{})".format,
     # Of a line XPPAUT reads 1024 characters, name and continued lines included.

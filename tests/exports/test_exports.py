@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -27,6 +28,7 @@ from gsp.exports.formats import FORMATS
 from gsp.exports.reduced_model import inert
 from gsp.lowering.compiled_function import compile_function
 from gsp.readers.expressions import parse_expression
+from tests import xppaut
 from tests.cases import sampled
 
 NAMES = [name for name, _ in models.summary()]
@@ -258,7 +260,7 @@ def test_what_is_wider_than_a_page_is_named_in_latex_and_its_sum_stands_below(
     # The same rows in letters that Python reads, from the last to the first, as a name stands above its sum.
     monkeypatch.setattr("gsp.exports.formats.tex", lambda expression, **_: f"({expression})")
     joined = "\n".join(rows(gsp.export(made, order=2, to="latex"))).replace("\n&\\quad", "")
-    values = {"u": 0.8, "S_1": 3.0, "b": 0.5, "eps": 0.02, "sqrt": np.sqrt}
+    values = {"u": 0.8, "S_1": 3.0, "b": 0.5, "eps": 0.02, "sqrt": math.sqrt}
     for row in reversed(joined.replace(r"\left", "*").replace(r"\right", "").splitlines()):
         left, _, right = row.partition(" &= ")
         assert left.strip("()") not in values
@@ -403,6 +405,14 @@ def test_what_a_language_lacks_is_refused_by_name() -> None:
         Printer(PYTHON, {x: "x"}).text(sp.besselj(0, x))
     with pytest.raises(UnsupportedFunctionError, match="Piecewise"):
         Printer(C, {x: "x"}).text(sp.Piecewise((x, x > 0), (1, True)))
+
+
+def test_the_error_function_is_xppauts_own() -> None:
+    # It was refused, though XPPAUT has it.
+    text = Printer(XPPAUT, {x: "x"}).text(sp.erf(2 * x) - sp.erf(-x / 3))
+    assert xppaut.values("x'=-x\ninit x=0.4\n", [text], [1.0]) == pytest.approx(
+        [math.erf(0.8) + math.erf(0.4 / 3)], abs=1e-13
+    )
 
 
 def test_every_target_has_a_text_and_a_row_of_the_page() -> None:
