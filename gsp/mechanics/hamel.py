@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -135,10 +135,18 @@ def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, 
         # The force tells of denominators too, which its derivatives multiply out and the metric does not show.
         return sum(len(e.numerator) for row in (*equations.metric, equations.force) for e in row)
 
-    given = first = _derived(system, frame, further)
-    for q, references in _turned_together(given).items():
-        measured = [{**first.algebra.measured_from, q: reference} for reference in references]
-        first = min((_derived(system, frame, further, measured_from=each) for each in measured), key=terms)
+    @cache
+    def derived(measured_from: frozenset) -> HamelEquations:
+        return _derived(system, frame, further, measured_from=dict(measured_from))
+
+    given = first = derived(frozenset())
+    if together := _turned_together(given):
+        first, before = derived(frozenset((q, each[-1]) for q, each in together.items())), given
+        while before is not first:
+            before = first
+            for q, references in together.items():
+                tried = [_measured(first.algebra.measured_from, q, each) for each in references]
+                first = min((first, *(derived(frozenset(each.items())) for each in tried)), key=terms)
     first = min(first, given, key=terms)
     _ = first.drift
     awkward, measured_from = first.algebra.awkward_angles, first.algebra.measured_from
@@ -146,7 +154,7 @@ def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, 
 
 
 def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, list[sp.Expr]]:
-    """Angles that, turned together, leave the metric as it is, with the angles before from which each may be measured.
+    """Angles that, turned together, leave the metric as it is, with what each may be measured from, the axes last.
 
     Bodies that are hinged to one another have such angles, from an axis in space: the metric is shortest in those
     between neighbours. A guess at generic points: a wrong one makes no equation wrong.
@@ -172,10 +180,22 @@ def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, list[sp.Expr]
     found = {}
     for i, q in enumerate(angles):
         if i not in axes and any(ratios[i]):
-            together = {j: _ratio(ratios[i], ratios[j]) for j in range(i)}
+            together = {j: _ratio(ratios[i], ratios[j]) for j in range(len(angles)) if j != i}
             alone = [factor * angles[j] for j, factor in together.items() if factor]
-            found[q] = alone or [sp.Add(*[factor * angles[j] for factor, j in zip(ratios[i], axes)])]
+            found[q] = [*alone, sp.Add(*[factor * angles[j] for factor, j in zip(ratios[i], axes)])]
     return found
+
+
+def _measured(measured_from: Values, q: sp.Symbol, reference: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+    """`measured_from` with q measured from `reference`; an angle there that q carries changes places with q."""
+    carriers = reference.free_symbols
+    while not carriers.isdisjoint(measured_from) and q not in carriers:
+        carriers = set().union(*(measured_from[p].free_symbols for p in carriers if p in measured_from))
+    after = {**measured_from, q: reference}
+    if q in carriers:
+        (carried,) = reference.free_symbols
+        after[carried] = measured_from[q] * carried / reference
+    return after
 
 
 def _ratio(turn: list[sp.Rational], other: list[sp.Rational]) -> sp.Rational | None:
