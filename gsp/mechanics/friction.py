@@ -16,7 +16,7 @@ from gsp.mechanics.algebra import Algebra, Matrix, entries, within_budget
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
 from gsp.mechanics.damping import KINETIC, Damping, check_damping_over, kinetic_damping, read_damping
 from gsp.mechanics.dry_friction import DryFrictionSystem, grouped, read_contacts
-from gsp.mechanics.frame import moving_frame
+from gsp.mechanics.frame import moving_frames
 from gsp.mechanics.hamel import hamel
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.slipping import SlippingSystem
@@ -245,17 +245,19 @@ def with_friction(
         flat, rows = grouped(constraints)
         forms = read_constraints(system, flat, may_stop=True)
         contacts = read_contacts(system, rows, mu, normal)
-        adapted = moving_frame(system, forms, frame, reserved=(epsilon,))
+        frames = moving_frames(system, forms, frame, reserved=(epsilon,))
         strengths = [e for contact in contacts for e in (*contact.mu, contact.normal)]
-        equations = hamel(system, adapted, tuple(strengths))
+        equations = hamel(system, frames, tuple(strengths))
         return DryFrictionSystem(
-            ConstrainedSystem(system, forms.expressions, adapted, equations), epsilon, phi, contacts
+            ConstrainedSystem(system, forms.expressions, equations.frame, equations), epsilon, phi, contacts
         )
     forms = read_constraints(system, cast("Constraints", constraints))
     is_kinetic = isinstance(damping, str) and damping == KINETIC
     matrix = None if is_kinetic else read_damping(system, damping, forms.count)
-    adapted = moving_frame(system, forms, frame, reserved=(epsilon,))
+    frames = moving_frames(system, forms, frame, reserved=(epsilon,))
     if matrix is None:
-        matrix = kinetic_damping(hamel(system, adapted))
-    equations = hamel(system, adapted, tuple(entries(matrix)))
-    return FrictionSystem(ConstrainedSystem(system, forms.expressions, adapted, equations), epsilon, matrix)
+        found = hamel(system, frames)
+        frames, matrix = [[found.frame]], kinetic_damping(found)
+    equations = hamel(system, frames, tuple(entries(matrix)))
+    limit = ConstrainedSystem(system, forms.expressions, equations.frame, equations)
+    return FrictionSystem(limit, epsilon, matrix)

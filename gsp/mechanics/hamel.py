@@ -7,20 +7,20 @@ since Psi^T A^T = (0, 1).
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache, cached_property
 from types import MappingProxyType
 
-import numpy as np
 import sympy as sp
 
+from gsp.algebra.ring import DENOMINATOR_TERMS
 from gsp.algebra.ring_elements import RingElement
-from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.mechanics.algebra import Algebra, Matrix, generic_points, numbers, transpose, within_budget
+from gsp.errors import BudgetError, DeclarationError, HyperbolicityError
+from gsp.mechanics.algebra import Algebra, Matrix, transpose, within_budget
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
-from gsp.mechanics.velocity_forms import rank
+from gsp.mechanics.turning import measured, turned_together
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
 
@@ -128,80 +128,61 @@ class HamelEquations:
 
 
 @within_budget()
-def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, ...] = ()) -> HamelEquations:
-    """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
+def hamel(
+    system: LagrangianSystem, frames: Iterable[Sequence[MovingFrame]], further: tuple[sp.Expr, ...] = ()
+) -> HamelEquations:
+    """Hamel's equations of `system` in the frame that makes them shortest, with angles measured so.
 
-    def terms(equations: HamelEquations) -> int:
-        # The force tells of denominators too, which its derivatives multiply out and the metric does not show.
-        return sum(len(e.numerator) for row in (*equations.metric, equations.force) for e in row)
+    It is one of the first list of `frames` in which there are some that can be written. `further` are expressions to
+    be read in their algebra.
+    """
+    found: list[HamelEquations] = []
+    over: list[BudgetError] = []
+    for alternatives in frames:
+        for frame in alternatives:
+            try:
+                found.append(_shortest(system, frame, further))
+            except BudgetError as error:
+                over.append(error)
+        if any(_drift_terms(each) <= DENOMINATOR_TERMS for each in found):
+            break
+    if not found:
+        raise over[-1]
+    best = min(found, key=_drift_terms)
+    awkward, measured_from = best.algebra.awkward_angles, best.algebra.measured_from
+    return (
+        _derived(system, best.frame, further, sines=awkward, measured_from=measured_from) if awkward else best
+    )
+
+
+def _drift_terms(equations: HamelEquations) -> int:
+    return sum(len(e.numerator) for e in equations.drift)
+
+
+def _terms(equations: HamelEquations) -> int:
+    # The force tells of denominators too, which its derivatives multiply out and the metric does not show.
+    return sum(len(e.numerator) for row in (*equations.metric, equations.force) for e in row)
+
+
+def _shortest(system: LagrangianSystem, frame: MovingFrame, further) -> HamelEquations:
+    """The equations in one frame, angles that turn together measured from one another where that is shorter."""
 
     @cache
     def derived(measured_from: frozenset) -> HamelEquations:
         return _derived(system, frame, further, measured_from=dict(measured_from))
 
     given = first = derived(frozenset())
-    if together := _turned_together(given):
+    metric = [first.algebra.write(e, factored=False) for row in first.metric for e in row]
+    if together := turned_together(system, metric):
         first, before = derived(frozenset((q, each[-1]) for q, each in together.items())), given
         while before is not first:
             before = first
             for q, references in together.items():
-                tried = [_measured(first.algebra.measured_from, q, each) for each in references]
-                first = min((first, *(derived(frozenset(each.items())) for each in tried)), key=terms)
-    first = min(first, given, key=terms)
+                tried = [measured(first.algebra.measured_from, q, each) for each in references]
+                first = min((first, *(derived(frozenset(each.items())) for each in tried)), key=_terms)
+    first = min(first, given, key=_terms)
     _ = first.drift
-    awkward, measured_from = first.algebra.awkward_angles, first.algebra.measured_from
-    return _derived(system, frame, further, sines=awkward, measured_from=measured_from) if awkward else first
-
-
-def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, list[sp.Expr]]:
-    """Angles that, turned together, leave the metric as it is, with what each may be measured from, the axes last.
-
-    Bodies that are hinged to one another have such angles, from an axis in space: the metric is shortest in those
-    between neighbours. A guess at generic points: a wrong one makes no equation wrong.
-    """
-    system, write = equations.system, equations.algebra.write
-    metric = [write(e, factored=False) for row in equations.metric for e in row]
-    turning = set().union(*(f.free_symbols for e in metric for f in e.atoms(sp.sin, sp.cos)))
-    angles = [q for q in system.coordinates if q in turning]
-    if len(angles) < 2:
-        return {}
-    symbols = (*system.coordinates, *system.clock)
-    slopes = [sp.diff(e, q) for e in metric for q in angles]
-    values = numbers(slopes, symbols, generic_points(3, len(symbols)), system.values).reshape(-1, len(angles))
-    kept = np.linalg.svd(values)[2][rank(values) :]
-    axes = []
-    for i in range(len(angles)):
-        if len(axes) < len(kept) and rank(kept[:, [*axes, i]]) > len(axes):
-            axes.append(i)
-    if not axes:
-        return {}
-    turns = np.linalg.solve(kept[:, axes], kept)
-    ratios = [[sp.Rational(Fraction(float(turn)).limit_denominator(12)) for turn in row] for row in turns.T]
-    found = {}
-    for i, q in enumerate(angles):
-        if i not in axes and any(ratios[i]):
-            together = {j: _ratio(ratios[i], ratios[j]) for j in range(len(angles)) if j != i}
-            alone = [factor * angles[j] for j, factor in together.items() if factor]
-            found[q] = [*alone, sp.Add(*[factor * angles[j] for factor, j in zip(ratios[i], axes)])]
-    return found
-
-
-def _measured(measured_from: Values, q: sp.Symbol, reference: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
-    """`measured_from` with q measured from `reference`; an angle there that q carries changes places with q."""
-    carriers = reference.free_symbols
-    while not carriers.isdisjoint(measured_from) and q not in carriers:
-        carriers = set().union(*(measured_from[p].free_symbols for p in carriers if p in measured_from))
-    after = {**measured_from, q: reference}
-    if q in carriers:
-        (carried,) = reference.free_symbols
-        after[carried] = measured_from[q] * carried / reference
-    return after
-
-
-def _ratio(turn: list[sp.Rational], other: list[sp.Rational]) -> sp.Rational | None:
-    """The factor by which `turn` is `other`; None where it is no multiple."""
-    factor = next((a / b for a, b in zip(turn, other) if b), None)
-    return factor if factor is not None and turn == [factor * b for b in other] else None
+    return first
 
 
 def _derived(
