@@ -46,6 +46,13 @@ def within_budget() -> Iterator[None]:
         raise BudgetError(f"{error.fact}.", SHORTER, value=error.spent, limit=error.limit) from None
 
 
+def refuse_long(terms: int, what: str) -> None:
+    """Raise `BudgetError` for more terms than are written."""
+    if terms > DENOMINATOR_TERMS:
+        fact = f"{what} {terms:,} terms, and {DENOMINATOR_TERMS:,} at most are written."
+        raise BudgetError(fact, SHORTER, value=terms, limit=DENOMINATOR_TERMS)
+
+
 class Angles:
     """The rewriting of sin and cos of sums and multiples by those of `units`, one for each angle.
 
@@ -166,11 +173,7 @@ class Algebra:
         Raises `BudgetError` for more terms than are factored.
         """
         element = element.reduced()
-        if (terms := len(element.numerator)) > DENOMINATOR_TERMS:
-            fact = (
-                f"a formula of the motion has {terms:,} terms, and {DENOMINATOR_TERMS:,} at most are written."
-            )
-            raise BudgetError(fact, SHORTER, value=terms, limit=DENOMINATOR_TERMS)
+        refuse_long(len(element.numerator), "a formula of the motion has")
         expression = self.ring.to_sympy(element, factored=factored)
         return self._shown(expression) if factored else expression
 

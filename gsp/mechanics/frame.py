@@ -44,6 +44,11 @@ class MovingFrame:
         return (*self.along, *self.across)
 
     @property
+    def constrained(self) -> sp.ImmutableMatrix:
+        """A and the forms of the holonomic constraints (k + h, n)."""
+        return sp.ImmutableMatrix(self.forms[len(self.along) :, :])
+
+    @property
     def slip_forms(self) -> sp.ImmutableMatrix:
         """A (k, n)."""
         a, k = len(self.along), len(self.across)
@@ -70,7 +75,7 @@ def moving_frames(
     if frame is not None:
         yield [_moving_frame(system, constraints, partial(_named, system, constraints, frame), reserved)]
         return
-    axes = [sp.ImmutableMatrix(sp.eye(len(system.velocities))), *turned_velocities(system, constraints)]
+    axes = [sp.ImmutableMatrix(sp.eye(len(system.velocities))), *turned_velocities(system, constraints.rows)]
     for regular in (True, False):
         builders = [partial(_built, system, constraints, each, regular) for each in axes]
         yield list(dict.fromkeys(_moving_frame(system, constraints, build, reserved) for build in builders))

@@ -1,12 +1,13 @@
 """Bodies that turn together: what their angles, and the velocities of their places, are best measured from.
 
-Guesses at generic points, by which formulas get shorter: a wrong one makes no equation wrong.
+Once bodies in a plane are turned together, the metric M and the forms A are as they were, in velocities that turn with
+them: for angles at the rates nu, and W the generator of a turn of two velocities, sum_k nu_k dM/dq_k + W^T M + M W = 0
+and sum_k nu_k dA/dq_k + A W = 0. Such turns are guessed at generic points: a wrong guess makes no equation wrong.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -14,37 +15,21 @@ import sympy as sp
 
 from gsp.mechanics.algebra import entries, generic_points, numbers
 from gsp.mechanics.lagrangian import LagrangianSystem
-from gsp.mechanics.velocity_forms import VelocityForms, rank
+from gsp.mechanics.velocity_forms import rank
 from gsp.systems.flow import Values
 
 
-def turned_velocities(system: LagrangianSystem, constraints: VelocityForms) -> list[sp.ImmutableMatrix]:
-    """Orthogonal matrices (n, n) of velocities along axes that turn with one of the bodies.
-
-    The metric M and the forms A are as they were once bodies in a plane are turned together: with R the rotation of
-    two velocities, R^T M R and A R do not depend on the angle of the turn, so that the sum of d/dq by the angles takes
-    M to -(W^T M + M W) and A to -A W, W = dR/dangle.
-    """
-    n, coordinates = len(system.coordinates), system.coordinates
-    M, A = system.raw_mass_matrix, constraints.rows
-    angles = _angles(system, [*entries(M), *entries(A)])
-    symbols = (*coordinates, *system.velocities, *system.clock)
-    points, found = generic_points(3, len(symbols)), []
-    columns = [[sp.diff(e, q) for e in (*entries(M), *entries(A))] for q in angles]
-    for i, j in itertools.combinations([i for i in range(n) if coordinates[i] not in angles], 2):
-        W = sp.zeros(n, n)
-        W[i, j], W[j, i] = -1, 1
-        turned = [*entries(M * W - W * M), *entries(A * W)]
-        values = numbers([*itertools.chain(*columns), *turned], symbols, points, system.values)
-        values = (
-            values.reshape(len(points), len(angles) + 1, -1).transpose(0, 2, 1).reshape(-1, len(angles) + 1)
-        )
-        if not (angles and values[:, -1].any() and rank(values) == rank(values[:, :-1])):
+def turned_velocities(system: LagrangianSystem, forms: sp.ImmutableMatrix) -> list[sp.ImmutableMatrix]:
+    """Orthogonal matrices (n, n) of velocities along axes that turn with one of the bodies; `forms` are A (k, n)."""
+    angles, pairs, values = _changes(system, forms)
+    alone, found = values[:, : len(angles)], []
+    for (i, j), turned in zip(pairs, values[:, len(angles) :].T):
+        if not turned.any() or rank(np.column_stack([alone, turned])) > rank(alone):
             continue
-        turns = np.linalg.lstsq(values[:, :-1], -values[:, -1])[0]
+        turns = np.linalg.lstsq(alone, -turned)[0]
         for q, turn in zip(angles, turns):
             if share := Fraction(float(turn)).limit_denominator(12):
-                R = sp.eye(n)
+                R = sp.eye(len(system.coordinates))
                 R[i, i] = R[j, j] = sp.cos(q / sp.Rational(share))
                 R[i, j] = sp.sin(q / sp.Rational(share))
                 R[j, i] = -R[i, j]
@@ -52,31 +37,24 @@ def turned_velocities(system: LagrangianSystem, constraints: VelocityForms) -> l
     return found
 
 
-def _angles(system: LagrangianSystem, expressions: Sequence[sp.Expr]) -> list[sp.Symbol]:
-    turning = set().union(*(f.free_symbols for e in expressions for f in e.atoms(sp.sin, sp.cos)))
-    return [q for q in system.coordinates if q in turning]
+def turned_together(system: LagrangianSystem, forms: sp.ImmutableMatrix) -> dict[sp.Symbol, list[sp.Expr]]:
+    """Angles that are turned together, with what each may be measured from, the axes last.
 
-
-def turned_together(system: LagrangianSystem, metric: Sequence[sp.Expr]) -> dict[sp.Symbol, list[sp.Expr]]:
-    """Angles that, turned together, leave the metric as it is, with what each may be measured from, the axes last.
-
-    Bodies that are hinged to one another have such angles, from an axis in space: the metric is shortest in those
-    between neighbours. A guess at generic points: a wrong one makes no equation wrong.
+    Bodies that are hinged to one another have such angles, from an axis in space: formulas are shortest in those
+    between neighbours.
     """
-    angles = _angles(system, metric)
+    angles, _, values = _changes(system, forms)
     if len(angles) < 2:
         return {}
-    symbols = (*system.coordinates, *system.clock)
-    slopes = [sp.diff(e, q) for e in metric for q in angles]
-    values = numbers(slopes, symbols, generic_points(3, len(symbols)), system.values).reshape(-1, len(angles))
-    kept = np.linalg.svd(values)[2][rank(values) :]
-    axes = []
-    for i in range(len(angles)):
-        if len(axes) < len(kept) and rank(kept[:, [*axes, i]]) > len(axes):
-            axes.append(i)
-    if not axes:
+    turns = np.linalg.svd(values)[2][rank(values) :, : len(angles)]
+    if not turns.any():
         return {}
-    turns = np.linalg.solve(kept[:, axes], kept)
+    turns = np.linalg.svd(turns)[2][: rank(turns)]
+    axes: list[int] = []
+    for i in range(len(angles)):
+        if len(axes) < len(turns) and rank(turns[:, [*axes, i]]) > len(axes):
+            axes.append(i)
+    turns = np.linalg.solve(turns[:, axes], turns)
     ratios = [[sp.Rational(Fraction(float(turn)).limit_denominator(12)) for turn in row] for row in turns.T]
     found = {}
     for i, q in enumerate(angles):
@@ -97,6 +75,29 @@ def measured(measured_from: Values, q: sp.Symbol, reference: sp.Expr) -> dict[sp
         (carried,) = reference.free_symbols
         after[carried] = measured_from[q] * carried / reference
     return after
+
+
+def _changes(
+    system: LagrangianSystem, forms: sp.ImmutableMatrix
+) -> tuple[list[sp.Symbol], list[tuple[int, int]], np.ndarray]:
+    """(angles, pairs of the other coordinates, how M and A change by a turn of each, in columns of numbers)."""
+    coordinates, M, A = system.coordinates, system.raw_mass_matrix, forms
+    parts = [*entries(M), *entries(A)]
+    turning = set().union(*(f.free_symbols for e in parts for f in e.atoms(sp.sin, sp.cos)))
+    angles = [q for q in coordinates if q in turning]
+    pairs = list(itertools.combinations([i for i, q in enumerate(coordinates) if q not in turning], 2))
+    columns = [[sp.diff(e, q) for e in parts] for q in angles]
+    for i, j in pairs:
+        W = sp.zeros(len(coordinates), len(coordinates))
+        W[i, j], W[j, i] = -1, 1
+        columns.append([*entries(M * W - W * M), *entries(A * W)])
+    symbols = (*coordinates, *system.velocities, *system.clock)
+    points = generic_points(3, len(symbols))
+    if not angles:
+        return [], [], np.zeros((0, 0))
+    values = numbers([*itertools.chain(*columns)], symbols, points, system.values)
+    values = values.reshape(len(points), len(columns), len(parts)).transpose(0, 2, 1)
+    return angles, pairs, values.reshape(-1, len(columns))
 
 
 def _ratio(turn: list[sp.Rational], other: list[sp.Rational]) -> sp.Rational | None:
