@@ -328,7 +328,7 @@ def _conditions(
         "graph",
         "the branch is a graph over the whole region",
         missing / total,
-        f"share of points over which {branch} has no real point in the region, 0 needed",
+        f"share of points of the region over which {branch} has no real point, 0 needed",
         missing == 0,
     )
     residual = sampler.residual(z) if len(z) else float("inf")
