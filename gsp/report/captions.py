@@ -292,9 +292,10 @@ def _failure_map(analysis: Analysis, setter: Typesetter) -> Markup:
     assert found is not None
     return Markup(
         "Where each method holds, measured in {} runs. Above: runs that start at positions along {}, over {} of the "
-        "span, with a tolerance of {}. Below: runs over the whole span from the start, for a range of tolerances. In "
-        "darker places a higher order of the reduced flow is needed. In hatched places explicit steps need more than "
-        "four times as many calls of the field as implicit ones."
+        "span, with a tolerance of {}. Below: runs over the whole span, for a range of tolerances; reduced runs begin "
+        "on the slow manifold, and so do those that they are measured against. In darker places a higher order of the "
+        "reduced flow is needed. In hatched places explicit steps need more than four times as many calls of the field "
+        "as implicit ones."
     ).format(
         found.runs, setter.inline(sp.Symbol(found.axis)), f"{100.0 * HORIZON:g}\u00a0%", number(found.tolerance)
     )

@@ -385,6 +385,8 @@ def test_page_and_json_say_where_the_reduction_ends(monkeypatch, tmp_path):
     assert "<i>T</i> = 1.61371 + 7.01432" in text
     assert "2 drops a period" in text
     assert "gsp chart" in text
+    assert "for runs over the whole span, both begun on the slow manifold" in text
+    assert "reduced runs begin on the slow manifold" in text
     content = _strict((folder / "report.json").read_text(encoding="utf-8"))
     (fold,) = content["boundary"]["folds"]
     assert fold["passage"]["exit"] == pytest.approx(analysis.boundary.folds[0].passage.exit(0.01))
