@@ -141,7 +141,7 @@ def test_pieces_run_from_drop_to_fold(van_der_pol):
     ("rate", "cubic", "start", "words"),
     [
         (sp.Rational(3, 2) - x, CUBIC, {"x": 2, "y": 0.6}, "comes to rest at "),
-        (sp.Integer(1), x**2 + y, {"x": -1, "y": -1}, "escapes"),
+        (sp.Integer(1), x**2 + y, {"x": -1, "y": -1}, "1 slow piece; the drop lands on nothing: it escapes"),
         (1 - x, CUBIC, {"x": 2, "y": 0.6}, "canard"),
     ],
     ids=["settles", "escapes", "canard point"],
