@@ -317,7 +317,7 @@ def _conditions(
     missing += sum(loss.kind is LossKind.BRANCH_POLE for loss in losses)
     yield Condition(
         "smooth field",
-        "f and g depend smoothly on x, y and epsilon",
+        f"f and g depend smoothly on x, y and {sampler.branch.system.epsilon}",
         float(non_smooth),
         "switching surfaces and poles that the branch meets, 0 needed",
         non_smooth == 0,

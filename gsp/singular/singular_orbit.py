@@ -99,11 +99,10 @@ class SingularOrbit(Drawn, Tabular):
                 text += str(piece.fold.drop) if piece.flight is None else _told(piece.flight)
             lines.append(text)
         if self.coefficients is not None:
-            leading, first, second = self.coefficients
-            rest = (
-                " + O(epsilon ln epsilon)" if self.flies else f" {second:+.8g} epsilon ln epsilon + O(epsilon)"
-            )
-            lines.append(f"  period {leading:.10g} {first:+.8g} epsilon^(2/3){rest}")
+            small, (leading, first, second) = self.branch.system.epsilon.name, self.coefficients
+            log = f"{small} ln {small}"
+            rest = f" + O({log})" if self.flies else f" {second:+.8g} {log} + O({small})"
+            lines.append(f"  period {leading:.10g} {first:+.8g} {small}^(2/3){rest}")
         return "\n".join(lines)
 
 

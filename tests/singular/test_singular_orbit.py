@@ -155,6 +155,15 @@ def test_an_orbit_that_does_not_come_round_does_not_close(rate, cubic, start, wo
     assert orbit.message.count("1.5") == (words == "comes to rest at ")
 
 
+def test_a_period_is_told_in_the_small_parameter_by_its_name():
+    mu = sp.Symbol("mu")
+    orbit = orbit_of(SlowFastSystem(slow={y: -x}, fast={x: CUBIC}, epsilon=mu), {"x": 2, "y": 0.6})
+    assert "mu^(2/3) +0.33333333 mu ln mu + O(mu)" in str(orbit)
+    passage = str(orbit.cycle[0].fold)
+    assert "mu^(2/3)" in passage
+    assert "epsilon" not in passage
+
+
 def test_pieces_are_bounded():
     system, start = CASES["two slow variables"]
     orbit = orbit_of(system, start, max_pieces=3)
