@@ -519,6 +519,20 @@ def test_a_reduced_run_tells_how_far_its_start_is_known(tmp_path) -> None:
     assert "known" not in run("run", str(file)).stderr
 
 
+def test_a_reduced_run_tells_that_its_series_is_past_its_best_order_and_its_start_unknown(tmp_path) -> None:
+    """Of mu y' = sin(3 t) + x/2 - y the terms grow at mu = 0.4 from the first on, as (3 mu)^k."""
+    file = tmp_path / "forced.toml"
+    file.write_text(
+        'epsilon = "mu"\n[slow]\nclock = "1"\nx = "-x + y"\n[fast]\ny = "sin(3*clock) + x/2 - y"\n'
+        "[region]\nclock = [0, 6]\nx = [-2, 2]\n[start]\nclock = 0\nx = 1\ny = 0\n"
+        "[scene]\nspan = [0, 6]\nepsilon = 0.4\n"
+    )
+    said = run("run", str(file), "--order", "9").stderr
+    assert "of which x is not known: it may be off by about 4\n" in said
+    assert "past its best order, 0: terms of higher orders grow\n" in said
+    assert "best order" not in run("run", str(file), "--order", "3", "--epsilon", "0.01").stderr
+
+
 def test_a_reduced_run_on_an_implicit_branch_is_told_in_the_variables_that_were_asked_about() -> None:
     lines = run("run", "van_der_pol", "--order", "1").output.splitlines()
     assert [line.split()[0] for line in lines if "->" in line] == ["y", "x"]

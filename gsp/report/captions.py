@@ -275,7 +275,9 @@ def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
     if analysis.base is not None:
         # An error that the digits shown would hide.
         off = [
-            Markup(" ({} is known to about {})").format(setter.inline(sp.Symbol(name)), number(error, 1))
+            Markup(" ({} is {})").format(
+                setter.inline(sp.Symbol(name)), Markup(analysis.base.how_known(name)).format(number(error, 1))
+            )
             for name, error in analysis.base.errors.items()
             if number(analysis.base[name] - error) != number(analysis.base[name] + error)
         ]
