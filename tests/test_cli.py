@@ -531,6 +531,8 @@ def test_a_reduced_run_tells_that_its_series_is_past_its_best_order_and_its_star
     assert "of which x is not known: it may be off by about 4\n" in said
     assert "past its best order, 0: terms of higher orders grow\n" in said
     assert "best order" not in run("run", str(file), "--order", "3", "--epsilon", "0.01").stderr
+    # What is reconstructed has a base point too, and is no variable of the series.
+    assert "best order" not in run("run", "chaplygin_sleigh", "--order", "1").stderr
 
 
 def test_a_reduced_run_on_an_implicit_branch_is_told_in_the_variables_that_were_asked_about() -> None:

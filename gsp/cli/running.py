@@ -60,7 +60,8 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
                 for name, error in base.errors.items()
                 if f"{base[name] - error:.3g}" != f"{base[name] + error:.3g}"
             )
-            best = study.series(order).optimal_order(base, study.scene.epsilon)
+            slow = {x.name: base[x.name] for x in study.system.x}
+            best = study.series(order).optimal_order(slow, study.scene.epsilon)
             if best < order:
                 tell_notes([f"there the series is past its best order, {best}: terms of higher orders grow"])
             found = trajectory_of(
