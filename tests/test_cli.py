@@ -504,6 +504,20 @@ def test_a_report_is_opened_when_that_is_asked(tmp_path, monkeypatch: pytest.Mon
     assert told.stdout.endswith("No browser was found here; open the file in one.\n")
 
 
+def test_parameters_that_nothing_uses_are_told(tmp_path) -> None:
+    """Another value of such a one changes nothing; one in a definition, a ramp or a claim is used."""
+    text = (
+        'title = "spare and k"\n[parameters]\nk = 2\nspare = 1\nrate = 3\nl = 0\n[definitions]\n"pull(u)" = "rate*u"\n'
+        '[slow]\nx = "-pull(x) + l"\n[fast]\ny = "x - y"\n[region]\nx = [0, 2]\n[start]\nx = 1\ny = 1\n'
+        "[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
+    )
+    file = tmp_path / "spare.toml"
+    file.write_text(text)
+    assert "nothing in the file uses k, spare of its parameters\n" in run("check", str(file)).stderr
+    file.write_text(text.replace("k = 2\nspare = 1\n", ""))
+    assert "nothing" not in run("check", str(file)).stderr
+
+
 def test_a_reduced_run_tells_how_far_its_start_is_known(tmp_path) -> None:
     """x' = v, epsilon v' = -v - x - x^3/2: through order 9 the base point of x = 1.5, v = 0 lies at 3.4."""
     file = tmp_path / "spring.toml"
