@@ -86,6 +86,9 @@ def test_expand_prints_every_order_in_slow_and_in_raw_variables() -> None:
     assert [len(row) for row in got["h"]] == [1, 1, 1]
     assert got["slow"] == ["v", "p"]
     assert "f_1  v' = -I*m*omega**2*v/(I + a**2*m)" in run("expand", "chaplygin_sleigh", "--raw").output
+    # A variable that the split made is no word of the model's.
+    assert run("expand", "chaplygin_sleigh").stdout.startswith("Here p = ")
+    assert "Here" not in run("expand", "chaplygin_sleigh", "--raw").stdout
 
 
 def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, capsys) -> None:
