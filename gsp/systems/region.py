@@ -108,8 +108,16 @@ def shown_ends(bounds: Interval) -> tuple[str, str]:
 
 
 def shown_within(value: float, bounds: Interval) -> str:
-    """A place between two ends as text, to four digits or as many more as these need to be told apart."""
-    return f"{value:.{digits_between(bounds, 4)}g}"
+    """A place between two ends as text, to four digits or as many more as these need to be told apart.
+
+    Between a negative and a positive end what these digits of the ends would not show is 0.
+
+    >>> shown_within(-3.4e-6, (-1, 1)), shown_within(-3.4e-6, (-1e-5, 1)), shown_within(3.4e-6, (0, 1))
+    ('0', '-3.4e-06', '3.4e-06')
+    """
+    digits = digits_between(bounds, 4)
+    hidden = bounds[0] < 0.0 < bounds[1] and abs(value) < 0.5 * 10.0**-digits * min(-bounds[0], bounds[1])
+    return "0" if hidden else f"{value:.{digits}g}"
 
 
 def digits_between(bounds: Interval, least: int = 6) -> int:

@@ -30,7 +30,7 @@ from tests.cases import sampled
 from tests.example_systems import saddle_scene
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
-POWER = re.compile(r"(?:(\d+(?:\.\d+)?)\s*\\(?:\(\\times\\\)|times)\s*)?\{?\b10\}?(?:\\\()?\^\{-(\d+)\}")
+POWER = re.compile(r"(?:(\d+(?:\.\d+)?)\s*\\(?:\(\\times\\\)|times)\s*)?\{?\b10\}?(?:\\\()?\^\{(-?\d+)\}")
 HOSTILE = "\\input{/etc/passwd} 50%_#1 $x^2$ & ~ {unbalanced \\end{document} ^^5c漢 -- ´"
 
 
@@ -40,7 +40,7 @@ def figures_of(text: str) -> Iterator[tuple[float, float]]:
     # What sets widths, names files or cites is no number of the text.
     body = re.sub(r"\\(?:cite|includegraphics\[.*?\])\{.*?\}|\{[^{}]*\\linewidth\}", "", body)
     for mantissa, power in POWER.findall(body):
-        scale = 10.0 ** -int(power)
+        scale = 10.0 ** int(power)
         yield float(mantissa or 1) * scale, scale * _unit(mantissa or "1")
     for number in NUMBER.findall(POWER.sub(" ", body)):
         yield float(number), _unit(number)
