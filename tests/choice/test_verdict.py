@@ -98,6 +98,14 @@ def test_no_epsilon_is_said_to_help_beyond_where_the_limit_ends(failure: Failure
     assert "only" not in verdict_of(FULL, short, FULL).remedy
 
 
+@pytest.mark.parametrize("failure", list(Failure))
+def test_what_is_not_predicted_is_not_said_to_fail(failure: Failure) -> None:
+    """Beyond a kink that is crossed, say, an error may be small, as that of max(x - 1, 0) is."""
+    found = verdict_of(FULL, failing(0, Failure.ERROR), failing(1, failure, predicted=1e-9), FULL)
+    stays = "stays" if failure in (Failure.ERROR, Failure.END) else "is known to stay"
+    assert f"no reduced model {stays} within" in found.accuracy
+
+
 def test_a_loss_that_the_limit_meets_is_met_at_every_epsilon() -> None:
     """An infection dies out along I = 0, which loses its stability at S = 2/5: 1 - S = 4/5 exp(-2 t) is 3/5 there."""
     susceptible, ill, epsilon = sp.symbols("S I epsilon")
