@@ -238,8 +238,9 @@ def _nearest(reduced: Sequence[Candidate]) -> Candidate:
     flows = [c for c in reduced if c.order is not None or c.failure is not None]
     furthest = max(c.holds_until for c in flows)
     reaching = [c for c in flows if c.holds_until >= furthest]
-    # What is predicted to be off by all of its size, or more, is not seen to be nearer than another.
-    return min(reaching, key=lambda c: c.predicted if c.predicted < 1.0 else np.inf)
+    # What is predicted to be off by all of its size, or more, or by as much in the digits shown, is not seen to be
+    # nearer than another: the lowest order comes first.
+    return min(reaching, key=lambda c: float(f"{c.predicted:.1e}") if c.predicted < 1.0 else np.inf)
 
 
 def _is_longer(one: Candidate, other: Candidate, scene: Scene) -> bool:

@@ -168,6 +168,9 @@ def test_what_comes_nearest_is_predicted_to_be_least_wrong() -> None:
     found = verdict_of(FULL, *flows, FULL, partial=flows[-1], layer=0.6)
     assert found.answer is Answer.NO
     assert "The nearest is the reduced flow of order 1," in found.accuracy
+    alike = [replace(flow, predicted=0.3 + 1e-5 * n) for n, flow in enumerate(reversed(flows))]
+    found = verdict_of(FULL, *reversed(alike), FULL, partial=alike[0], layer=0.6)
+    assert "The nearest is the reduced flow of order 0," in found.accuracy
 
 
 def test_none_is_nearest_for_an_error_that_is_all_of_its_size() -> None:
