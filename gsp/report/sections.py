@@ -300,7 +300,7 @@ class Page(Setting):
                 rows = [self.block(self.set.row(y), h) for y, h in branch.graph.items()]
             else:
                 # On the right, where it is broken into lines that a page holds.
-                rows = [self.coefficient("<mn>0</mn>", e) for e in branch.equations]
+                rows = [self.formula("<mn>0</mn>", e) for e in branch.equations]
             chosen = branch.equations == study.branch.equations
             result.append({"rows": rows, "chosen": chosen, "explicit": branch.is_explicit})
         return result
@@ -315,7 +315,7 @@ class Page(Setting):
         def rows(name: str, symbols, table) -> list[tuple[Markup, Markup]]:
             zero = {k for k in range(series.order + 1) if all(table[k][s] == 0 for s in symbols)}
             found = [
-                self.coefficient(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
+                self.formula(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
                 for k in range(series.order + 1)
                 for s in symbols
                 if k not in zero

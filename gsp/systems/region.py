@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
 
@@ -123,6 +125,15 @@ def shown_within(value: float, bounds: Interval) -> str:
 def digits_between(bounds: Interval, least: int = 6) -> int:
     """To how many digits two ends are told: to the `least` of each, and of what is between them."""
     return min(max(digits_of(*bounds, least) - 1, least), 17)
+
+
+def rounded_outwards(low: float, high: float, accuracy: float) -> Interval:
+    """The interval with ends in no more digits than the accuracy has, for who reads them."""
+    # A state may be as small as numbers get.
+    places = math.floor(math.log10(max(accuracy, np.finfo(float).tiny)))
+    step = Fraction(10) ** places
+    ends = math.floor(Fraction(low) / step), math.ceil(Fraction(high) / step)
+    return float(f"{ends[0]}e{places}"), float(f"{ends[1]}e{places}")
 
 
 def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:

@@ -266,6 +266,8 @@ def test_a_coefficient_that_nobody_would_read_says_where_it_stands() -> None:
     setting = Setting([x])
     name = mathml.row("<mi>h</mi>")
     long = sp.Add(*(sp.Integer(k + 1) * sp.sin(k * x) ** 2 for k in range(200)))
-    _, right = setting.coefficient(name, long)
+    _, right = setting.formula(name, long)
     assert f"a formula of {count_lines(long)} lines, in report.json" in tex(right)
-    assert setting.coefficient(name, x**2 + 1) == setting.block(name, x**2 + 1)
+    assert setting.formula(name, x**2 + 1) == setting.block(name, x**2 + 1)
+    ((_, rate),) = setting.rates([(x, long)])
+    assert rate == right
