@@ -163,9 +163,9 @@ def _built(
     forms = {j: directions[j] for j in range(n) if j not in solved and j not in support}
     if rows:
         block = [[row[j] for j in support] for row in rows]
-        (place,) = generic_points(1, len(system.coordinates))
+        places = generic_points(3, len(system.coordinates))
         # Velocities alone are dependent somewhere: not where all bodies are aligned, if some are not.
-        pivots = _pivots(system, algebra, block, [place] if regular else [0 * place, place])
+        pivots = _pivots(system, algebra, block, places if regular else np.vstack([0 * places[:1], places]))
         free = [i for i in range(len(support)) if i not in pivots]
         combinations = [
             [algebra.ring.one if i == j else algebra.ring.zero for j in range(len(support))] for i in free
@@ -207,13 +207,14 @@ def _constant_pivots(algebra: Algebra, matrix: Matrix) -> tuple[Matrix, set[int]
         solved.add(j)
 
 
-def _pivots(system, algebra: Algebra, block: Matrix, places: Sequence[np.ndarray]) -> tuple[int, ...]:
+def _pivots(system, algebra: Algebra, block: Matrix, places: np.ndarray) -> tuple[int, ...]:
     """Columns of `block` that tell the others, with few operations, at the first of `places` that has some."""
     k, columns = len(block), range(len(block[0]))
     expressions = [[algebra.write(e) for e in row] for row in block]
     flat = list(itertools.chain(*expressions))
-    values = numbers(flat, system.coordinates, np.array(places), system.values).reshape(len(places), k, -1)
-    bases = ([c for c in itertools.combinations(columns, k) if rank(each[:, list(c)]) == k] for each in values)
+    values = numbers(flat, system.coordinates, places, system.values).reshape(len(places), k, -1)
+    finite = values[np.isfinite(values).all(axis=(1, 2))]
+    bases = ([c for c in itertools.combinations(columns, k) if rank(each[:, list(c)]) == k] for each in finite)
     return max(
         next(filter(None, bases)), key=lambda c: -sum(sp.count_ops(row[j]) for row in expressions for j in c)
     )

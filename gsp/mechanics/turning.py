@@ -96,8 +96,10 @@ def _changes(
     if not angles:
         return [], [], np.zeros((0, 0))
     values = numbers([*itertools.chain(*columns)], symbols, points, system.values)
-    values = values.reshape(len(points), len(columns), len(parts)).transpose(0, 2, 1)
-    return angles, pairs, values.reshape(-1, len(columns))
+    rows = values.reshape(len(points), len(columns), len(parts)).transpose(0, 2, 1).reshape(-1, len(columns))
+    # A generic point may be one where a metric is not real, as sqrt(1/4 - x^2) is.
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return (angles, pairs, rows) if len(rows) else ([], [], rows)
 
 
 def _ratio(turn: list[sp.Rational], other: list[sp.Rational]) -> sp.Rational | None:
