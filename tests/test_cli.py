@@ -86,6 +86,9 @@ def test_expand_prints_every_order_in_slow_and_in_raw_variables() -> None:
     assert [len(row) for row in got["h"]] == [1, 1, 1]
     assert got["slow"] == ["v", "p"]
     assert "f_1  v' = -I*m*omega**2*v/(I + a**2*m)" in run("expand", "chaplygin_sleigh", "--raw").output
+    # A variable that the split made is no word of the model's.
+    assert run("expand", "chaplygin_sleigh").stdout.startswith("Here p = ")
+    assert "Here" not in run("expand", "chaplygin_sleigh", "--raw").stdout
 
 
 def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, capsys) -> None:
@@ -504,6 +507,20 @@ def test_a_report_is_opened_when_that_is_asked(tmp_path, monkeypatch: pytest.Mon
     assert told.stdout.endswith("No browser was found here; open the file in one.\n")
 
 
+def test_parameters_that_nothing_uses_are_told(tmp_path) -> None:
+    """Another value of such a one changes nothing; one in a definition, a ramp or a claim is used."""
+    text = (
+        'title = "spare and k"\n[parameters]\nk = 2\nspare = 1\nrate = 3\nl = 0\n[definitions]\n"pull(u)" = "rate*u"\n'
+        '[slow]\nx = "-pull(x) + l"\n[fast]\ny = "x - y"\n[region]\nx = [0, 2]\n[start]\nx = 1\ny = 1\n'
+        "[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
+    )
+    file = tmp_path / "spare.toml"
+    file.write_text(text)
+    assert "nothing in the file uses k, spare of its parameters\n" in run("check", str(file)).stderr
+    file.write_text(text.replace("k = 2\nspare = 1\n", ""))
+    assert "nothing" not in run("check", str(file)).stderr
+
+
 def test_a_reduced_run_tells_how_far_its_start_is_known(tmp_path) -> None:
     """x' = v, epsilon v' = -v - x - x^3/2: through order 9 the base point of x = 1.5, v = 0 lies at 3.4."""
     file = tmp_path / "spring.toml"
@@ -517,6 +534,22 @@ def test_a_reduced_run_tells_how_far_its_start_is_known(tmp_path) -> None:
     )
     assert "known" not in run("run", str(file), "--order", "1", "--epsilon", "1e-6").stderr
     assert "known" not in run("run", str(file)).stderr
+
+
+def test_a_reduced_run_tells_that_its_series_is_past_its_best_order_and_its_start_unknown(tmp_path) -> None:
+    """Of mu y' = sin(3 t) + x/2 - y the terms grow at mu = 0.4 from the first on, as (3 mu)^k."""
+    file = tmp_path / "forced.toml"
+    file.write_text(
+        'epsilon = "mu"\n[slow]\nclock = "1"\nx = "-x + y"\n[fast]\ny = "sin(3*clock) + x/2 - y"\n'
+        "[region]\nclock = [0, 6]\nx = [-2, 2]\n[start]\nclock = 0\nx = 1\ny = 0\n"
+        "[scene]\nspan = [0, 6]\nepsilon = 0.4\n"
+    )
+    said = run("run", str(file), "--order", "9").stderr
+    assert "of which x is not known: it may be off by about 4\n" in said
+    assert "past its best order, 0: terms of higher orders grow\n" in said
+    assert "best order" not in run("run", str(file), "--order", "3", "--epsilon", "0.01").stderr
+    # What is reconstructed has a base point too, and is no variable of the series.
+    assert "best order" not in run("run", "chaplygin_sleigh", "--order", "1").stderr
 
 
 def test_a_reduced_run_on_an_implicit_branch_is_told_in_the_variables_that_were_asked_about() -> None:

@@ -159,6 +159,8 @@ def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float)
             why = f"{failure} at t = {shown_within(min(holds, reached), scene.span)}: {status.meaning}"
         elif failure is not None:
             told = _passing(predicted, scene.tolerance) if failure is Failure.ERROR else failure
+            if failure is Failure.REGION and holds == after:
+                told = "the slow manifold is outside the region"
             why = f"{told} at t = {shown_within(holds, scene.span)}"
         elif predicted > limit:
             failure = Failure.ERROR

@@ -115,13 +115,13 @@ def judge(evidence: Evidence) -> Verdict:
     if partial is not None and (nearest.order is not None or not _is_longer(nearest, partial, scene)):
         nearest = partial
     whole = promised(scene.span[0])
-    accuracy = (
-        f"no reduced model stays within {whole}. The nearest is {in_words(nearest)}, but {nearest.why_not}."
+    # Beyond a loss, a kink or the region's edge nothing is predicted, and little may happen.
+    stays = (
+        "stays" if all(each.failure in (Failure.ERROR, Failure.END) for each in reduced) else "is known to stay"
     )
-    if nearest.failure is Failure.UNTOLD:
-        accuracy = (
-            f"no reduced model is known to stay within {whole}. For {in_words(nearest)} {nearest.why_not}."
-        )
+    lead = "For" if nearest.failure is Failure.UNTOLD else "The nearest is"
+    but = "" if nearest.failure is Failure.UNTOLD else ", but"
+    accuracy = f"no reduced model {stays} within {whole}. {lead} {in_words(nearest)}{but} {nearest.why_not}."
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     if partial is None:
         also = "" if full.valid else f"The run of the full system {_ended(full, scene)}."
@@ -238,8 +238,9 @@ def _nearest(reduced: Sequence[Candidate]) -> Candidate:
     flows = [c for c in reduced if c.order is not None or c.failure is not None]
     furthest = max(c.holds_until for c in flows)
     reaching = [c for c in flows if c.holds_until >= furthest]
-    # What is predicted to be off by all of its size, or more, is not seen to be nearer than another.
-    return min(reaching, key=lambda c: c.predicted if c.predicted < 1.0 else np.inf)
+    # What is predicted to be off by all of its size, or more, or by as much in the digits shown, is not seen to be
+    # nearer than another: the lowest order comes first.
+    return min(reaching, key=lambda c: float(f"{c.predicted:.1e}") if c.predicted < 1.0 else np.inf)
 
 
 def _is_longer(one: Candidate, other: Candidate, scene: Scene) -> bool:

@@ -131,6 +131,10 @@ def expand(scene: Scene, order: int | None, raw: bool, values: bool, as_json: bo
     if not study.branch.is_explicit:
         fast = ", ".join(y.name for y in study.system.y)
         tell(f"Here {fast} is the point of the critical manifold over the slow variables: {study.branch}")
+    if study.splitting is not None and not raw:
+        new = [f"{s} = {e}" for s, e in study.splitting.coordinates.items() if s != e]
+        if new:
+            tell(f"Here {', '.join(new)}")
     remedy = "--json prints all of it" if values else "--values is shorter, --json prints all of it"
     for letter, part in fields:
         for k, size in enumerate(whole.sizes):

@@ -44,9 +44,7 @@ def nest(scene: Scene, pair: str | None, order: int, as_json: bool) -> None:
         return
     tell(found)
     for name, study in (("C1", found.first), ("C2", found.second)):
-        tell(
-            f"{name}: {study.hyperbolicity.kind}, gap {study.hyperbolicity.gap:.6g} in the fast time of {name}"
-        )
+        tell(f"{name}: {study.hyperbolicity.kind}, gap {found.gaps[name]:.6g} in slow time")
         for loss in study.hyperbolicity.losses:
             tell(f"  {str(loss).splitlines()[0]}")
     kinds = {str(found.first.hyperbolicity.kind), str(found.second.hyperbolicity.kind)}

@@ -55,10 +55,15 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
             base = study.base_point(order)
             # An error that three digits would hide is none that a run shows.
             tell_notes(
-                f"the run begins at the base point of the start, of which {name} is known to about {error:.1g}"
+                f"the run begins at the base point of the start, of which {name} is "
+                + base.how_known(name).format(f"{error:.1g}")
                 for name, error in base.errors.items()
                 if f"{base[name] - error:.3g}" != f"{base[name] + error:.3g}"
             )
+            slow = {x.name: base[x.name] for x in study.system.x}
+            best = study.series(order).optimal_order(slow, study.scene.epsilon)
+            if best < order:
+                tell_notes([f"there the series is past its best order, {best}: terms of higher orders grow"])
             found = trajectory_of(
                 study.reduced(order),
                 start=base,

@@ -35,7 +35,7 @@ class Comparison(Drawn, Tabular):
 
     `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable
     relative to its largest value there, or at any of `epsilons` if the lowest order does not move it; `slopes[N]` is
-    the fitted power of epsilon, nan when every error is at rounding (the reduction is exact there); `expected[N]` is
+    the fitted power of epsilon, nan when every error is at rounding; `expected[N]` is
     N + 1, or min(N, k) + 1 with the start corrected through epsilon^k, k = `correction`; from order 1 on it is None
     where the full run crosses surfaces on which the field is not smooth, `crossed`. `floor[i]` estimates the
     reference's own error. The same for rival reduced fields of the scene in `claims` and `claim_slopes`. `ending` says

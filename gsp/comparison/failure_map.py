@@ -1,8 +1,9 @@
 """The failure map: where in (epsilon, position) and in (epsilon, tolerance) each method holds, every claim measured.
 
 Over positions along one slow axis every method is run from the point of the slow manifold there, for a short piece of
-slow time, and compared with a full run at a tight tolerance. Over tolerances the reduced models are run from the
-scene's start over its whole span. Nothing is inferred from eigenvalues or from estimates: a cell says what happened.
+slow time, and compared with a full run at a tight tolerance. Over tolerances the reduced models are run over
+the scene's whole span, beside a full run, both begun on the slow manifold. Nothing is inferred from eigenvalues or
+from estimates: a cell says what happened.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ class FailureMap(Drawn, Tabular):
     """Where each method holds for one scene.
 
     `epsilons` (k,) ascend. `places[method]` are claims over `positions` (m,) along the slow variable `axis`, the
-    others at the scene's start, at `tolerance`; `demands[method]` claims over `tolerances` (l,), descending, from the
-    scene's start over its whole span. `best_order` (k, m) is the order at which the series came nearest to the slow
+    others at the scene's start, at `tolerance`; `demands[method]` claims over `tolerances` (l,), descending, over the
+    scene's whole span. `best_order` (k, m) is the order at which the series came nearest to the slow
     manifold, the highest of those within rounding of it, -1 where there is none: above it the series is past its
     optimal order. `runs` counts integrations.
     """
@@ -118,7 +119,7 @@ class FailureMap(Drawn, Tabular):
         ]
         lines += [f"    {_row(claim, width)}" for claim in self.places.values()]
         lines.append(
-            f"  from the scene's start, tolerances {self.tolerances[0]:.0e} to {self.tolerances[-1]:.0e}"
+            f"  over the scene's span, tolerances {self.tolerances[0]:.0e} to {self.tolerances[-1]:.0e}"
         )
         lines += [f"    {_row(claim, width)}" for claim in self.demands.values()]
         if self.unmeasured:

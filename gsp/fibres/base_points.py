@@ -55,6 +55,11 @@ class BasePoint(Mapping[str, float], Card):
         """The largest of `errors`."""
         return float(np.max(list(self.errors.values())))
 
+    def how_known(self, name: str) -> str:
+        """How far a value is known, in words about {}, its error."""
+        is_known = self.errors[name] < abs(self[name])
+        return "known to about {}" if is_known else "not known: it may be off by about {}"
+
     def __getitem__(self, name: str) -> float:
         return self._values[name.name if isinstance(name, sp.Symbol) else name]
 

@@ -317,7 +317,7 @@ def _conditions(
     missing += sum(loss.kind is LossKind.BRANCH_POLE for loss in losses)
     yield Condition(
         "smooth field",
-        "f and g depend smoothly on x, y and epsilon",
+        f"f and g depend smoothly on x, y and {sampler.branch.system.epsilon}",
         float(non_smooth),
         "switching surfaces and poles that the branch meets, 0 needed",
         non_smooth == 0,
@@ -328,7 +328,7 @@ def _conditions(
         "graph",
         "the branch is a graph over the whole region",
         missing / total,
-        f"share of points over which {branch} has no real point in the region, 0 needed",
+        f"share of points of the region over which {branch} has no real point, 0 needed",
         missing == 0,
     )
     residual = sampler.residual(z) if len(z) else float("inf")

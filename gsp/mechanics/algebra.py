@@ -46,18 +46,25 @@ def within_budget() -> Iterator[None]:
         raise BudgetError(f"{error.fact}.", SHORTER, value=error.spent, limit=error.limit) from None
 
 
+def refuse_long(terms: int, what: str) -> None:
+    """Raise `BudgetError` for more terms than are written."""
+    if terms > DENOMINATOR_TERMS:
+        fact = f"{what} {terms:,} terms, and {DENOMINATOR_TERMS:,} at most are written."
+        raise BudgetError(fact, SHORTER, value=terms, limit=DENOMINATOR_TERMS)
+
+
 class Angles:
     """The rewriting of sin and cos of sums and multiples by those of `units`, one for each angle.
 
-    An angle q of `measured_from` is written by q - measured_from[q], which holds angles that stand before it.
+    An angle q of `measured_from` is written by q - measured_from[q], and no angle is measured from itself in the end.
     """
 
     def __init__(self, expressions: Iterable[sp.Expr], measured_from: Mapping[sp.Symbol, sp.Expr]) -> None:
-        self._turned: dict[sp.Expr, sp.Expr] = {}
-        self._told: dict[sp.Expr, sp.Expr] = {}
-        for q, base in measured_from.items():
-            own = sp.Dummy(q.name)
-            self._turned[q], self._told[own] = own + base.xreplace(self._turned), q - base
+        own = {q: sp.Dummy(q.name) for q in measured_from}
+        self._told = {own[q]: q - base for q, base in measured_from.items()}
+        self._turned = {q: own[q] + base for q, base in measured_from.items()}
+        for _ in measured_from:
+            self._turned = {q: turned.xreplace(self._turned) for q, turned in self._turned.items()}
         self._sizes: dict[sp.Expr, sp.Rational] = {}
         functions = [f for e in expressions for f in sorted(_plain(e).atoms(sp.sin, sp.cos), key=str)]
         for function in functions:
@@ -166,11 +173,7 @@ class Algebra:
         Raises `BudgetError` for more terms than are factored.
         """
         element = element.reduced()
-        if (terms := len(element.numerator)) > DENOMINATOR_TERMS:
-            fact = (
-                f"a formula of the motion has {terms:,} terms, and {DENOMINATOR_TERMS:,} at most are written."
-            )
-            raise BudgetError(fact, SHORTER, value=terms, limit=DENOMINATOR_TERMS)
+        refuse_long(len(element.numerator), "a formula of the motion has")
         expression = self.ring.to_sympy(element, factored=factored)
         return self._shown(expression) if factored else expression
 

@@ -15,7 +15,7 @@ from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, entries, numbers
 from gsp.mechanics.distribution import Flag, flag
-from gsp.mechanics.frame import MovingFrame, moving_frame
+from gsp.mechanics.frame import MovingFrame, moving_frames
 from gsp.mechanics.hamel import HamelEquations, clocked, extended, hamel, split_positions
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.velocity_forms import read_constraints
@@ -225,5 +225,5 @@ def constrain(
     if not isinstance(system, LagrangianSystem):
         raise DeclarationError("constrain takes a LagrangianSystem.", got=type(system).__name__)
     forms = read_constraints(system, constraints)
-    adapted = moving_frame(system, forms, frame)
-    return ConstrainedSystem(system, forms.expressions, adapted, hamel(system, adapted))
+    equations = hamel(system, moving_frames(system, forms, frame))
+    return ConstrainedSystem(system, forms.expressions, equations.frame, equations)

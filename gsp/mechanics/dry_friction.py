@@ -16,7 +16,6 @@ from typing import Any
 import sympy as sp
 
 from gsp.errors import DeclarationError
-from gsp.mechanics.algebra import Matrix
 from gsp.mechanics.constraints import ConstrainedSystem
 from gsp.mechanics.frame_starts import constrained_start, frame_values, with_slips
 from gsp.mechanics.lagrangian import LagrangianSystem
@@ -156,14 +155,13 @@ class DryFrictionSystem(SlippingSystem):
                 "a contact in a plane has no sharp switch: its friction points in any direction.",
                 "Run `field` at a small epsilon.",
             )
-        equations, write = self._equations, self._equations.algebra.write
         symbols = self.frame.quasi_velocities
         matter, driven, _ = self._split
-        drift = {**matter, **driven, **{s: write(rate) for s, rate in zip(symbols, equations.drift)}}
+        drift = {**matter, **driven, **dict(zip(symbols, self._drift))}
         jumps = []
         for contact in self.contacts:
             (row,), bears = contact.rows, contact.mu[0] * contact.normal
-            jumps.append({s: -write(entries[row]) * bears for s, entries in zip(symbols, self._mobility)})
+            jumps.append({s: -entries[row] * bears for s, entries in zip(symbols, self._mobility)})
         return CrossingField(drift, jumps, list(self.frame.across), self.system.values, self.system.name)
 
     def run(self, *, start: Point, span: tuple[float, float]) -> PiecewiseRun:
@@ -180,21 +178,22 @@ class DryFrictionSystem(SlippingSystem):
         return replace(found, pieces=tuple(pieces))
 
     def _rates(self) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
-        equations, write = self._equations, self._equations.algebra.write
-        mobility = self._mobility
         rates = {
-            s: write(drift) + sp.Add(*(write(entry) * force for entry, force in zip(row, self.forces)))
-            for s, drift, row in zip(self.frame.quasi_velocities, equations.drift, mobility)
+            s: drift + sp.Add(*(entry * force for entry, force in zip(row, self.forces)))
+            for s, drift, row in zip(self.frame.quasi_velocities, self._drift, self._mobility)
         }
         return rates, []
 
     @cached_property
-    def _mobility(self) -> Matrix:
+    def _drift(self) -> list[sp.Expr]:
+        return self._equations.written(self._equations.force)
+
+    @cached_property
+    def _mobility(self) -> list[tuple[sp.Expr, ...]]:
         """eta' = drift + mobility f for forces f along the constraints."""
-        equations, algebra = self._equations, self._equations.algebra
-        across = equations.schur_inverse
-        along = [[-e for e in row] for row in algebra.multiply(equations.coupling, across)]
-        return [*along, *across]
+        ring, n = self._equations.algebra.ring, range(len(self.frame.quasi_velocities))
+        units = ([ring.one if i == j else ring.zero for i in n] for j in n[len(self.frame.along) :])
+        return list(zip(*(self._equations.written(unit) for unit in units)))
 
     def _check_over(self, scene: Scene) -> None:
         """What a contact bears is checked where it is run."""

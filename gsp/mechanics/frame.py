@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
+import numpy as np
 import sympy as sp
 
 from gsp.errors import DeclarationError, HyperbolicityError
@@ -19,6 +21,7 @@ from gsp.mechanics.algebra import (
     transpose,
 )
 from gsp.mechanics.lagrangian import LagrangianSystem, is_singular
+from gsp.mechanics.turning import turned_velocities
 from gsp.mechanics.velocity_forms import VelocityForms, linear_form, rank
 
 
@@ -41,6 +44,11 @@ class MovingFrame:
         return (*self.along, *self.across)
 
     @property
+    def constrained(self) -> sp.ImmutableMatrix:
+        """A and the forms of the holonomic constraints (k + h, n)."""
+        return sp.ImmutableMatrix(self.forms[len(self.along) :, :])
+
+    @property
     def slip_forms(self) -> sp.ImmutableMatrix:
         """A (k, n)."""
         a, k = len(self.along), len(self.across)
@@ -53,23 +61,33 @@ class MovingFrame:
         return {s: e + c for s, e, c in zip(self.quasi_velocities, linear, offsets)}
 
 
-def moving_frame(
+def moving_frames(
     system: LagrangianSystem,
     constraints: VelocityForms,
     frame: Mapping[sp.Symbol, sp.Expr] | None,
     reserved: Sequence[sp.Symbol] = (),
-) -> MovingFrame:
-    """The frame that the user names, or one that is built; raises `DeclarationError` when it is none.
+) -> Iterator[list[MovingFrame]]:
+    """The frame that the user names, or those that are built; raises `DeclarationError` when it is none.
 
-    In `frame` an entry equal to a constraint names that slip velocity; the others are quasi-velocities on D.
+    In `frame` an entry equal to a constraint names that slip velocity; the others are quasi-velocities on D. Frames
+    that are built are regular wherever D is, and then, in a second list, of velocities alone, which are shorter.
     """
+    if frame is not None:
+        yield [_moving_frame(system, constraints, partial(_named, system, constraints, frame), reserved)]
+        return
+    axes = [sp.ImmutableMatrix(sp.eye(len(system.velocities))), *turned_velocities(system, constraints.rows)]
+    for regular in (True, False):
+        builders = [partial(_built, system, constraints, each, regular) for each in axes]
+        yield list(dict.fromkeys(_moving_frame(system, constraints, build, reserved) for build in builders))
+
+
+def _moving_frame(
+    system: LagrangianSystem, constraints: VelocityForms, along_forms: Callable, reserved: Sequence[sp.Symbol]
+) -> MovingFrame:
     fixed = {s.name for s in (*system.coordinates, *system.values, *system.clock, *reserved)}
     across: list[sp.Symbol | None] = list(constraints.names)
-    if frame is None:
-        taken = fixed | {v.name for v in system.velocities} | {s.name for s in across if s is not None}
-        along, rows = _built(system, constraints, taken)
-    else:
-        along, rows = _quasi_velocities(system, constraints, frame, across)
+    taken = fixed | {v.name for v in system.velocities} | {s.name for s in across if s is not None}
+    along, rows = along_forms(taken, across)
     used = fixed | {s.name for s in along} | {s.name for s in across if s is not None}
     used |= {v.name for v in system.velocities}
     fresh = fresh_symbols(sum(s is None for s in across), ("w", "s", "slip"), used)
@@ -98,7 +116,9 @@ def moving_frame(
     return result
 
 
-def _quasi_velocities(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.Symbol, ...], list]:
+def _named(
+    system, constraints: VelocityForms, frame, taken: set[str], across: list
+) -> tuple[tuple[sp.Symbol, ...], list]:
     if not isinstance(frame, Mapping):
         raise DeclarationError("frame maps symbols to velocities.", got=type(frame).__name__)
     along, rows = [], []
@@ -131,30 +151,37 @@ def _quasi_velocities(system, constraints: VelocityForms, frame, across) -> tupl
     return tuple(along), rows
 
 
-def _built(system, constraints: VelocityForms, taken: set[str]) -> tuple[tuple[sp.Symbol, ...], list]:
-    """A frame of D: raw velocities where constant pivots leave them free, combinations elsewhere."""
-    algebra = Algebra(system.coordinates, tuple(system.values), entries(constraints.rows))
-    n = len(system.velocities)
-    rows, solved = _constant_pivots(algebra, algebra.matrix(constraints.rows))
+def _built(
+    system, constraints: VelocityForms, axes: sp.ImmutableMatrix, regular: bool, taken: set[str], across: list
+) -> tuple[tuple[sp.Symbol, ...], list]:
+    """A frame of D: velocities along `axes` where constant pivots leave them free, combinations elsewhere."""
+    algebra = Algebra(system.coordinates, tuple(system.values), [*entries(constraints.rows), *entries(axes)])
+    n, directions = len(system.velocities), algebra.matrix(axes)
+    turned = algebra.multiply(algebra.matrix(constraints.rows), transpose(directions))
+    rows, solved = _constant_pivots(algebra, turned)
     support = [j for j in range(n) if j not in solved and any(not row[j].is_zero for row in rows)]
-    forms: list[tuple[int, sp.Symbol | None, list[sp.Expr]]] = []
-    for j in range(n):
-        if j not in solved and j not in support:
-            forms.append((j, system.velocities[j], [sp.Integer(int(i == j)) for i in range(n)]))
+    forms = {j: directions[j] for j in range(n) if j not in solved and j not in support}
     if rows:
         block = [[row[j] for j in support] for row in rows]
-        null = _null_space(system, algebra, block)
-        # U = (N^T N)^-1 N^T is a left inverse of the null vectors N, so that S restricted to them is N.
-        gram = algebra.multiply(null, transpose(null))
-        for place, row in enumerate(algebra.multiply(algebra.inverse(gram), null)):
-            form: list[sp.Expr] = [sp.Integer(0)] * n
-            for j, element in zip(support, row):
-                form[j] = algebra.write(element)
-            forms.append((support[place], None, form))
-    forms.sort(key=lambda item: item[0])
-    fresh = fresh_symbols(sum(name is None for _, name, _ in forms), ("u", "nu", "along"), taken, always=True)
-    names = tuple(next(fresh) if name is None else name for _, name, _ in forms)
-    return names, [form for _, _, form in forms]
+        places = generic_points(3, len(system.coordinates))
+        # Velocities alone are dependent somewhere: not where all bodies are aligned, if some are not.
+        pivots = _pivots(system, algebra, block, places if regular else np.vstack([0 * places[:1], places]))
+        free = [i for i in range(len(support)) if i not in pivots]
+        combinations = [
+            [algebra.ring.one if i == j else algebra.ring.zero for j in range(len(support))] for i in free
+        ]
+        if regular:
+            null = _null_space(algebra, block, pivots)
+            # U = (N^T N)^-1 N^T is a left inverse of the null vectors N, so that S restricted to them is N.
+            gram = algebra.multiply(null, transpose(null))
+            combinations = algebra.multiply(algebra.inverse(gram), null)
+        found = algebra.multiply(combinations, [directions[j] for j in support])
+        forms |= {support[i]: form for i, form in zip(free, found)}
+    written = [[algebra.write(e) for e in form] for _, form in sorted(forms.items())]
+    plain = {tuple(row): v for row, v in zip(sp.eye(n).tolist(), system.velocities)}
+    names = [plain.get(tuple(form)) for form in written]
+    fresh = fresh_symbols(names.count(None), ("u", "nu", "along"), taken, always=True)
+    return tuple(next(fresh) if name is None else name for name in names), written
 
 
 def _constant_pivots(algebra: Algebra, matrix: Matrix) -> tuple[Matrix, set[int]]:
@@ -180,16 +207,22 @@ def _constant_pivots(algebra: Algebra, matrix: Matrix) -> tuple[Matrix, set[int]
         solved.add(j)
 
 
-def _null_space(system, algebra: Algebra, block: Matrix) -> Matrix:
-    """Vectors that `block` annihilates, without denominators, each with its first entry not negated."""
-    k, columns = len(block), len(block[0])
-    expressions = [algebra.write(e) for row in block for e in row]
-    values = numbers(expressions, system.coordinates, generic_points(1, len(system.coordinates)), system.values)
-    values = values.reshape(k, columns)
-    pivots = max(
-        (c for c in itertools.combinations(range(columns), k) if rank(values[:, list(c)]) == k),
-        key=lambda c: -sum(sp.count_ops(expressions[i * columns + j]) for i in range(k) for j in c),
+def _pivots(system, algebra: Algebra, block: Matrix, places: np.ndarray) -> tuple[int, ...]:
+    """Columns of `block` that tell the others, with few operations, at the first of `places` that has some."""
+    k, columns = len(block), range(len(block[0]))
+    expressions = [[algebra.write(e) for e in row] for row in block]
+    flat = list(itertools.chain(*expressions))
+    values = numbers(flat, system.coordinates, places, system.values).reshape(len(places), k, -1)
+    finite = values[np.isfinite(values).all(axis=(1, 2))]
+    bases = ([c for c in itertools.combinations(columns, k) if rank(each[:, list(c)]) == k] for each in finite)
+    return max(
+        next(filter(None, bases)), key=lambda c: -sum(sp.count_ops(row[j]) for row in expressions for j in c)
     )
+
+
+def _null_space(algebra: Algebra, block: Matrix, pivots: Sequence[int]) -> Matrix:
+    """Vectors that `block` annihilates, without denominators, each with its first entry not negated."""
+    columns = len(block[0])
     square = [[row[j] for j in pivots] for row in block]
     inverse = algebra.inverse(square)
     vectors = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,7 +11,7 @@ from gsp.mechanics.algebra import numbers
 from gsp.mechanics.constraints import ConstrainedSystem
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.lagrangian import LagrangianSystem
-from gsp.scenes.image import IMAGE_POINTS
+from gsp.scenes.image import image_interval
 from gsp.splitting.splitting import Splitting
 from gsp.systems.flow import Point, Values, check_given, values_by_name
 from gsp.systems.region import Interval
@@ -120,8 +119,6 @@ def new_region(splitting: Splitting, region: Mapping[str, Interval]) -> dict[str
                 "made of.",
                 f"Bound {', '.join(missing)} too, or bound {symbol}.",
             )
-        axes = [np.linspace(*region[z.name], IMAGE_POINTS) for z in used]
-        points = np.array(list(itertools.product(*axes)))
-        values = numbers([expression], used, points, field.parameters)
-        result[symbol.name] = (float(values.min()), float(values.max()))
+        box = {z: region[z.name] for z in used}
+        result[symbol.name] = image_interval(symbol, expression, box, field.parameters)
     return result

@@ -12,11 +12,11 @@ import sympy as sp
 
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError
-from gsp.mechanics.algebra import Algebra, Matrix, entries, within_budget
+from gsp.mechanics.algebra import Algebra, entries, within_budget
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
 from gsp.mechanics.damping import KINETIC, Damping, check_damping_over, kinetic_damping, read_damping
 from gsp.mechanics.dry_friction import DryFrictionSystem, grouped, read_contacts
-from gsp.mechanics.frame import moving_frame
+from gsp.mechanics.frame import moving_frames
 from gsp.mechanics.hamel import hamel
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.slipping import SlippingSystem
@@ -52,7 +52,8 @@ class FrictionSystem(SlippingSystem):
         Raises `BudgetError` where its formulas are too long to be formed.
         """
         with within_budget():
-            return geometric_splitting(self.field, self._equations, self._momenta, self._mobility, self._layer)
+            fast_parts = self._mobility, self._layer, self._drift
+            return geometric_splitting(self.field, self._equations, self._momenta, *fast_parts)
 
     @property
     def has_constant_fibres(self) -> bool:
@@ -86,8 +87,8 @@ class FrictionSystem(SlippingSystem):
     def energy_rate(self) -> sp.Expr:
         """dH/dt along `field`, exactly: `dissipation()` and the power of forces and explicit time."""
         equations = self._equations
-        regular = equations.energy_derivative(equations.drift, explicit=True)
-        pole = equations.energy_derivative(self._layer, explicit=False)
+        regular = equations.energy_derivative(equations.rates(equations.force), explicit=True)
+        pole = equations.energy_derivative(equations.rates(self._rubbing(self._slips)), explicit=False)
         return equations.algebra.write(regular) + equations.algebra.write(pole) / self.epsilon
 
     @within_budget()
@@ -123,25 +124,36 @@ class FrictionSystem(SlippingSystem):
     def _momenta(self) -> SlowMomenta:
         return slow_momenta(self._equations)
 
-    @cached_property
-    def _mobility(self) -> Matrix:
-        """eta' = mobility w/epsilon + drift."""
-        equations, algebra = self._equations, self._equations.algebra
-        B = algebra.matrix(self.damping)
-        slip = [[-e for e in row] for row in algebra.multiply(equations.schur_inverse, B)]
-        along = [[-e for e in row] for row in algebra.multiply(equations.coupling, slip)]
-        return [*along, *slip]
+    def _rubbing(self, slips: Sequence[RingElement]) -> list[RingElement]:
+        """epsilon times the friction (n,) in the frame: (0, -B w)."""
+        algebra = self._equations.algebra
+        friction = algebra.apply(algebra.matrix(self.damping), slips)
+        return [*[algebra.ring.zero] * len(self.frame.along), *(-e for e in friction)]
 
     @cached_property
-    def _layer(self) -> list[RingElement]:
-        algebra = self._equations.algebra
-        return algebra.apply(self._mobility, [algebra.ring.generator(w) for w in self.frame.across])
+    def _mobility(self) -> sp.ImmutableMatrix:
+        """eta' = mobility w/epsilon + drift (n, k)."""
+        ring, k = self._equations.algebra.ring, range(len(self.frame.across))
+        units = ([ring.one if i == j else ring.zero for i in k] for j in k)
+        return sp.ImmutableMatrix(list(zip(*(self._equations.written(self._rubbing(unit)) for unit in units))))
+
+    @cached_property
+    def _layer(self) -> list[sp.Expr]:
+        return self._equations.written(self._rubbing(self._slips))
+
+    @property
+    def _slips(self) -> list[RingElement]:
+        return [self._equations.algebra.ring.generator(w) for w in self.frame.across]
+
+    @cached_property
+    def _drift(self) -> list[sp.Expr]:
+        return self._equations.written(self._equations.force)
 
     def _rates(self) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
-        equations, write = self._equations, self._equations.algebra.write
+        write = self._equations.algebra.write
         rates = {
-            s: write(drift) + write(layer) / self.epsilon
-            for s, drift, layer in zip(self.frame.quasi_velocities, equations.drift, self._layer)
+            s: drift + layer / self.epsilon
+            for s, drift, layer in zip(self.frame.quasi_velocities, self._drift, self._layer)
         }
         # The slow momenta's own coefficients may contain a position that the rates do not.
         return rates, [
@@ -245,17 +257,19 @@ def with_friction(
         flat, rows = grouped(constraints)
         forms = read_constraints(system, flat, may_stop=True)
         contacts = read_contacts(system, rows, mu, normal)
-        adapted = moving_frame(system, forms, frame, reserved=(epsilon,))
+        frames = moving_frames(system, forms, frame, reserved=(epsilon,))
         strengths = [e for contact in contacts for e in (*contact.mu, contact.normal)]
-        equations = hamel(system, adapted, tuple(strengths))
+        equations = hamel(system, frames, tuple(strengths))
         return DryFrictionSystem(
-            ConstrainedSystem(system, forms.expressions, adapted, equations), epsilon, phi, contacts
+            ConstrainedSystem(system, forms.expressions, equations.frame, equations), epsilon, phi, contacts
         )
     forms = read_constraints(system, cast("Constraints", constraints))
     is_kinetic = isinstance(damping, str) and damping == KINETIC
     matrix = None if is_kinetic else read_damping(system, damping, forms.count)
-    adapted = moving_frame(system, forms, frame, reserved=(epsilon,))
+    frames = moving_frames(system, forms, frame, reserved=(epsilon,))
     if matrix is None:
-        matrix = kinetic_damping(hamel(system, adapted))
-    equations = hamel(system, adapted, tuple(entries(matrix)))
-    return FrictionSystem(ConstrainedSystem(system, forms.expressions, adapted, equations), epsilon, matrix)
+        found = hamel(system, frames)
+        frames, matrix = [[found.frame]], kinetic_damping(found)
+    equations = hamel(system, frames, tuple(entries(matrix)))
+    limit = ConstrainedSystem(system, forms.expressions, equations.frame, equations)
+    return FrictionSystem(limit, epsilon, matrix)

@@ -7,20 +7,24 @@ since Psi^T A^T = (0, 1).
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
+from operator import itemgetter
 from types import MappingProxyType
 
-import numpy as np
 import sympy as sp
 
+from gsp.algebra.brevity import shorter
+from gsp.algebra.ring import DENOMINATOR_TERMS
 from gsp.algebra.ring_elements import RingElement
-from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.mechanics.algebra import Algebra, Matrix, generic_points, numbers, transpose, within_budget
+from gsp.errors import BudgetError, DeclarationError, HyperbolicityError
+from gsp.mechanics.algebra import Algebra, Matrix, refuse_long, transpose, within_budget
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
-from gsp.mechanics.velocity_forms import rank
+from gsp.mechanics.turning import measured, turned_together
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
 
@@ -82,14 +86,38 @@ class HamelEquations:
                 "Correct it.",
             ) from None
 
-    @cached_property
-    def drift(self) -> list[RingElement]:
-        """eta' without constraint force and friction."""
+    def rates(self, force: Sequence[RingElement]) -> list[RingElement]:
+        """eta' = G^-1 Q under a force Q (n,): w' = A M^-1 A^T (Q_w - G_wu G_uu^-1 Q_u), u' = G_uu^-1 Q_u - C w'."""
         a, algebra = self.along, self.algebra
-        pulled = algebra.apply([row[:a] for row in self.metric[a:]], self.free)
-        slip = algebra.apply(self.schur_inverse, [f - p for f, p in zip(self.force[a:], pulled)])
+        free = algebra.apply(self.along_inverse, force[:a])
+        pulled = algebra.apply([row[:a] for row in self.metric[a:]], free)
+        slip = algebra.apply(self.schur_inverse, [f - p for f, p in zip(force[a:], pulled)])
         back = algebra.apply(self.coupling, slip)
-        return [*[(f - b).reduced() for f, b in zip(self.free, back)], *slip]
+        return [*[(f - b).reduced() for f, b in zip(free, back)], *slip]
+
+    def written(self, force: Sequence[RingElement]) -> list[sp.Expr]:
+        """`rates` as expressions, each with its factors as they are where multiplied out it is longer or too long."""
+        a, write = self.along, self.algebra.write
+
+        def times(matrix: list[list[sp.Expr]], vector: Sequence[sp.Expr]) -> list[sp.Expr]:
+            return [sp.Add(*[e * x for e, x in zip(row, vector)]) for row in matrix]
+
+        along_inverse, pull, schur_inverse, coupling = self._factors
+        given = [write(f) for f in force]
+        free = times(along_inverse, given[:a])
+        slip = times(schur_inverse, [f - p for f, p in zip(given[a:], times(pull, free))])
+        found = [*(f - b for f, b in zip(free, times(coupling, slip))), *slip]
+        with self.algebra.ring.afresh(), suppress(BudgetError):
+            for i, rate in enumerate(self.rates(force)):
+                with suppress(BudgetError):
+                    found[i] = shorter(write(rate), found[i])
+        return found
+
+    @cached_property
+    def _factors(self) -> list[list[list[sp.Expr]]]:
+        pull = [row[: self.along] for row in self.metric[self.along :]]
+        matrices = (self.along_inverse, pull, self.schur_inverse, self.coupling)
+        return [[[self.algebra.write(e) for e in row] for row in matrix] for matrix in matrices]
 
     @cached_property
     def on_distribution(self) -> tuple[list[RingElement], list[RingElement]]:
@@ -128,60 +156,69 @@ class HamelEquations:
 
 
 @within_budget()
-def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, ...] = ()) -> HamelEquations:
-    """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
+def hamel(
+    system: LagrangianSystem, frames: Iterable[Sequence[MovingFrame]], further: tuple[sp.Expr, ...] = ()
+) -> HamelEquations:
+    """Hamel's equations of `system` in the frame that makes them shortest, with angles measured so.
 
-    def terms(equations: HamelEquations) -> int:
-        # The force tells of denominators too, which its derivatives multiply out and the metric does not show.
-        return sum(len(e.numerator) for row in (*equations.metric, equations.force) for e in row)
-
-    given = first = _derived(system, frame, further)
-    for q, references in _turned_together(given).items():
-        measured = [{**first.algebra.measured_from, q: reference} for reference in references]
-        first = min((_derived(system, frame, further, measured_from=each) for each in measured), key=terms)
-    first = min(first, given, key=terms)
-    _ = first.drift
-    awkward, measured_from = first.algebra.awkward_angles, first.algebra.measured_from
-    return _derived(system, frame, further, sines=awkward, measured_from=measured_from) if awkward else first
-
-
-def _turned_together(equations: HamelEquations) -> dict[sp.Symbol, list[sp.Expr]]:
-    """Angles that, turned together, leave the metric as it is, with the angles before from which each may be measured.
-
-    Bodies that are hinged to one another have such angles, from an axis in space: the metric is shortest in those
-    between neighbours. A guess at generic points: a wrong one makes no equation wrong.
+    It is one of the first list of `frames` in which there are some that can be written. `further` are expressions to
+    be read in their algebra.
     """
-    system, write = equations.system, equations.algebra.write
-    metric = [write(e, factored=False) for row in equations.metric for e in row]
-    turning = set().union(*(f.free_symbols for e in metric for f in e.atoms(sp.sin, sp.cos)))
-    angles = [q for q in system.coordinates if q in turning]
-    if len(angles) < 2:
-        return {}
-    symbols = (*system.coordinates, *system.clock)
-    slopes = [sp.diff(e, q) for e in metric for q in angles]
-    values = numbers(slopes, symbols, generic_points(3, len(symbols)), system.values).reshape(-1, len(angles))
-    kept = np.linalg.svd(values)[2][rank(values) :]
-    axes = []
-    for i in range(len(angles)):
-        if len(axes) < len(kept) and rank(kept[:, [*axes, i]]) > len(axes):
-            axes.append(i)
-    if not axes:
-        return {}
-    turns = np.linalg.solve(kept[:, axes], kept)
-    ratios = [[sp.Rational(Fraction(float(turn)).limit_denominator(12)) for turn in row] for row in turns.T]
-    found = {}
-    for i, q in enumerate(angles):
-        if i not in axes and any(ratios[i]):
-            together = {j: _ratio(ratios[i], ratios[j]) for j in range(i)}
-            alone = [factor * angles[j] for j, factor in together.items() if factor]
-            found[q] = alone or [sp.Add(*[factor * angles[j] for factor, j in zip(ratios[i], axes)])]
-    return found
+    found: list[tuple[int, HamelEquations]] = []
+    over: list[BudgetError] = []
+    # A search in every frame takes most of the time: what bodies are neighbours in one they are in others.
+    known: dict[sp.Symbol, sp.Expr] = {}
+    for alternatives in frames:
+        for frame in alternatives:
+            try:
+                equations = _shortest(system, frame, further, known)
+                known = known or dict(equations.algebra.measured_from)
+                found.append((_length(equations), equations))
+            except BudgetError as error:
+                over.append(error)
+        if any(length <= DENOMINATOR_TERMS for length, _ in found):
+            break
+    if not found:
+        raise over[-1]
+    length, best = min(found, key=itemgetter(0))
+    refuse_long(length, "the formulas of the motion have")
+    awkward, measured_from = best.algebra.awkward_angles, best.algebra.measured_from
+    return (
+        _derived(system, best.frame, further, sines=awkward, measured_from=measured_from) if awkward else best
+    )
 
 
-def _ratio(turn: list[sp.Rational], other: list[sp.Rational]) -> sp.Rational | None:
-    """The factor by which `turn` is `other`; None where it is no multiple."""
-    factor = next((a / b for a, b in zip(turn, other) if b), None)
-    return factor if factor is not None and turn == [factor * b for b in other] else None
+def _length(equations: HamelEquations) -> int:
+    """The terms of all that `HamelEquations.written` multiplies."""
+    matrices = (equations.metric, equations.along_inverse, equations.coupling, equations.schur_inverse)
+    rows = itertools.chain(*matrices, [equations.force, equations.free])
+    return sum(len(e.numerator) for row in rows for e in row)
+
+
+def _terms(equations: HamelEquations) -> int:
+    # The force tells of denominators too, which its derivatives multiply out and the metric does not show.
+    return sum(len(e.numerator) for row in (*equations.metric, equations.force) for e in row)
+
+
+def _shortest(system: LagrangianSystem, frame: MovingFrame, further, known: Values) -> HamelEquations:
+    """The equations in one frame, angles that turn together measured as `known`, or from one another, if shorter."""
+
+    @cache
+    def derived(measured_from: frozenset) -> HamelEquations:
+        return _derived(system, frame, further, measured_from=dict(measured_from))
+
+    given = before = derived(frozenset())
+    if not (together := turned_together(system, frame.constrained)):
+        return given
+    first = derived(frozenset((q, each[-1]) for q, each in together.items()))
+    if known:
+        return min(given, first, derived(frozenset(known.items())), key=_terms)
+    while before is not first:
+        before = first
+        for q, references in together.items():
+            tried = [measured(first.algebra.measured_from, q, each) for each in references]
+            first = min((first, *(derived(frozenset(each.items())) for each in tried)), key=_terms)
+    return min(first, given, key=_terms)
 
 
 def _derived(

@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.integration.trajectory import Trajectory
+from gsp.mechanics.algebra import within_budget
 from gsp.mechanics.constraints import ConstrainedSystem
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.frame_starts import frame_values, new_region
@@ -174,6 +175,7 @@ class SlippingSystem(ABC):
         return self.limit.hamel
 
     @cached_property
+    @within_budget()
     def _split(self) -> tuple[dict, dict, dict]:
         rates, others = self._rates()
         equations = self._equations

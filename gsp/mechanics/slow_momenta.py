@@ -7,6 +7,7 @@ C_i = 0 it is u_i itself.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -62,12 +63,13 @@ def geometric_splitting(
     field: VectorField,
     equations: HamelEquations,
     momenta: SlowMomenta,
-    friction: Matrix,
-    layer: list[RingElement],
+    friction: sp.ImmutableMatrix,
+    layer: list[sp.Expr],
+    drift: list[sp.Expr],
 ) -> Splitting:
     """The `Splitting` of `field` into positions and momenta, slow, and slip velocities w, fast.
 
-    `friction` (n - k + k, k) maps w to the fast part of eta', `layer` is that fast part.
+    `friction` (n - k + k, k) maps w to the fast part of eta', `layer` is that fast part, `drift` the other one.
     """
     algebra, system, frame = equations.algebra, equations.system, equations.frame
     write = algebra.write
@@ -78,7 +80,7 @@ def geometric_splitting(
     new = Algebra(
         (*system.coordinates, *system.clock, *names, *frame.across),
         tuple(system.values),
-        [write(e, factored=False) for e in _everything(equations, momenta, friction)],
+        [*friction, *drift, *(write(e, factored=False) for e in _everything(equations, momenta))],
         sines=equations.algebra.awkward_angles,
         measured_from=equations.algebra.measured_from,
     )
@@ -90,22 +92,20 @@ def geometric_splitting(
     u = dict(zip(frame.along, new.apply(new.inverse(P), left)))
     solved = {s: new.write(e) for s, e in u.items()}
 
-    def carried(element: RingElement) -> sp.Expr:
+    def carried(written: sp.Expr) -> sp.Expr:
         # Multiplied out a quadratic form in u is short where there are few positions, and endless where there are many.
-        as_it_stands = write(element).xreplace(solved)
-        try:
-            return shorter(new.write(new.read(write(element, factored=False), u)), as_it_stands)
-        except BudgetError:
-            return as_it_stands
+        as_it_stands = written.xreplace(solved)
+        with new.ring.afresh(), suppress(BudgetError):
+            return shorter(new.write(new.read(written, u)), as_it_stands)
+        return as_it_stands
 
     positions = equations.positions()
-    slow = {q: carried(positions[q]) for q in field.states if q in system.coordinates}
-    slow |= {s: carried(rate) for s, rate in zip(names, momenta.rates)}
+    slow = {q: carried(write(positions[q])) for q in field.states if q in system.coordinates}
+    slow |= {s: carried(write(rate)) for s, rate in zip(names, momenta.rates)}
     slow |= {t: sp.Integer(1) for t in system.clock if t in field.states}
     place = len(frame.along)
     fast = {
-        s: carried(layer[place + j]) + epsilon * carried(equations.drift[place + j])
-        for j, s in enumerate(frame.across)
+        s: carried(layer[place + j]) + epsilon * carried(drift[place + j]) for j, s in enumerate(frame.across)
     }
     inverse = {z: solved.get(z, z) for z in field.states}
     expressions = [
@@ -121,8 +121,8 @@ def geometric_splitting(
         name=field.name,
         observables={s: e for s, e in solved.items() if s not in slow},
     )
-    drift = {s: write(e) for s, e in zip(frame.quasi_velocities, equations.drift)}
-    N = {s: [write(e) for e in row] for s, row in zip(frame.quasi_velocities, friction)}
+    rates = dict(zip(frame.quasi_velocities, drift))
+    N = dict(zip(frame.quasi_velocities, friction.tolist()))
     k = len(frame.across)
     return Splitting(
         field=field,
@@ -131,20 +131,15 @@ def geometric_splitting(
         inverse=MappingProxyType(inverse),
         N=sp.ImmutableMatrix([N.get(z, [sp.Integer(0)] * k) for z in field.states]),
         layer=sp.ImmutableMatrix(list(frame.across)),
-        drift=sp.ImmutableMatrix([drift.get(z, field.equations[z]) for z in field.states]),
+        drift=sp.ImmutableMatrix([rates.get(z, field.equations[z]) for z in field.states]),
         route=_route(names, momenta, frame.across),
         nonzero=tuple(new.denominators),
     )
 
 
-def _everything(equations: HamelEquations, momenta: SlowMomenta, friction: Matrix) -> list[RingElement]:
-    matrices = (momenta.along, momenta.across, friction)
-    return [
-        *equations.positions().values(),
-        *momenta.rates,
-        *equations.drift,
-        *(e for matrix in matrices for row in matrix for e in row),
-    ]
+def _everything(equations: HamelEquations, momenta: SlowMomenta) -> list[RingElement]:
+    entries = (e for matrix in (momenta.along, momenta.across) for row in matrix for e in row)
+    return [*equations.positions().values(), *momenta.rates, *entries]
 
 
 def _written(algebra: Algebra, matrix: Matrix) -> sp.ImmutableMatrix:

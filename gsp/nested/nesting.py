@@ -171,6 +171,12 @@ class Nesting(Portable, Drawn):
             {k: MappingProxyType(found[k]) for k in sorted(found, key=lambda k: (sum(k), k))}
         )
 
+    @property
+    def gaps(self) -> Mapping[str, float]:
+        """The gaps of both manifolds in slow time, in which they can be compared."""
+        studies = {"C1": self.first, "C2": self.second}
+        return {name: each.hyperbolicity.gap / each.scene.epsilon for name, each in studies.items()}
+
     def as_dict(self) -> dict[str, object]:
         """Both manifolds with their kinds, and the double series, as plain values."""
         studies = {"C1": self.first, "C2": self.second}

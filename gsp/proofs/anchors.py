@@ -12,6 +12,7 @@ from gsp.critical.branch import Branch
 from gsp.errors import BranchError, UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
+from gsp.proofs.covering import unstable_near
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.tubes import Box, enclose, middle_of
 from gsp.systems.scattered_points import PLACES, halton
@@ -20,13 +21,17 @@ from gsp.systems.scattered_points import PLACES, halton
 def point_over(
     branch: Branch, equations: EnclosedEquations, box: Box, fast: Mapping[str, tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A point (x, y) of the branch in the box, as near the middle as it is found, by doubles."""
+    """A point (x, y) of the branch in the box, as near the middle as it is found, by doubles.
+
+    Where there is one that has no eigenvalue on the imaginary axis it is of these: the others have no type.
+    """
     low, high = np.array(box).T
     own = len(branch.system.x)
     defaults = [float(branch.system.parameters[p]) for p in equations.x[own:]]
     unit = halton(len(box), PLACES)
     unit = unit[np.argsort(np.abs(unit - 0.5).max(axis=1), kind="stable")]
     reason: BranchError | None = None
+    without_type: tuple[np.ndarray, np.ndarray] | None = None
     for x in [middle_of(box), *(low + unit * (high - low))]:
         try:
             y = _point(branch, x[:own], fast)
@@ -37,8 +42,13 @@ def point_over(
             continue
         # The branch is known at the system's own parameter values; from there it is followed to those of the box.
         found = equations.followed(np.concatenate([x[:own], defaults]), x, y)
-        if found is not None and found[0] == 1.0:
+        if found is None or found[0] != 1.0:
+            continue
+        if unstable_near(equations, x, found[1]) >= 0:
             return x, found[1]
+        without_type = without_type or (x, found[1])
+    if without_type is not None:
+        return without_type
     raise reason or BranchError(
         f"the branch {branch} has no real point that was found in the region.",
         "Move the region, or start near another branch.",

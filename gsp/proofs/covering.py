@@ -319,20 +319,29 @@ def _change(by_y: np.ndarray, middle: np.ndarray, ends: np.ndarray) -> np.ndarra
 
 
 def _suspect(equations: EnclosedEquations, box: Box, root: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
-    """A corner where the branch seems to have ended, or to be of another type than in the middle: by doubles."""
+    """The middle where it has no type, or a corner where the branch seems to have ended or to be of another one: by
+    doubles.
+    """
     middle = middle_of(box)
-    count = _unstable(equations.nearby(middle[None], root[None])[0][0])
+    count = unstable_near(equations, middle, root)
+    if count < 0:
+        return middle
     # Corners of a box that are looked at.
     for corner in itertools.islice(itertools.product(*box), 64):
         x = np.array(corner)
         y = equations.root(x, root + slope @ (x - middle))
-        if y is None or _unstable(equations.nearby(x[None], y[None])[0][0]) != count:
+        if y is None or unstable_near(equations, x, y) != count:
             return x
     return None
 
 
-def _unstable(matrix: np.ndarray) -> int:
-    return int((np.linalg.eigvals(matrix).real > 0.0).sum()) if np.isfinite(matrix).all() else -1
+def unstable_near(equations: EnclosedEquations, x: np.ndarray, y: np.ndarray) -> int:
+    """The number of unstable eigenvalues at a point, in doubles; -1 where it has no type, as one is on the axis."""
+    matrix = equations.nearby(x[None], y[None])[0][0]
+    if not np.isfinite(matrix).all():
+        return -1
+    real = np.linalg.eigvals(matrix).real
+    return int((real > 0.0).sum()) if (real != 0.0).all() else -1
 
 
 def glue(equations: EnclosedEquations, covering: Covering) -> list[Box]:

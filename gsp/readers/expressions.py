@@ -260,7 +260,9 @@ class _Parser:
         remedy = f"Declare it as a parameter, or correct it.{nearest(shown, known)}"
         if shown in ("e", "E"):
             remedy = "Write exp(1) for Euler's number, or declare it as a parameter."
-        elif shown in ("t", "time") and self.symbols:
+        elif not (self.symbols or self.definitions):
+            remedy = "Give a number, such as 0.1 or 3/10."
+        elif shown in ("t", "time"):
             remedy = 'Time enters as a state of rate 1, such as clock = "1", with a start: write that.'
         self.fail(f'the name "{shown}" is not declared', token.position, remedy)
 

@@ -123,17 +123,6 @@ def _told(model: ForeignModel) -> list[str]:
     ]
 
 
-def counted(number: int, noun: str) -> str:
-    """`number` and the noun in the singular or the plural.
-
-    >>> counted(1, "state"), counted(2, "auxiliary quantity")
-    ('1 state', '2 auxiliary quantities')
-    """
-    if number == 1 or noun == "species":
-        return f"{number} {noun}"
-    return f"{number} {noun[:-1]}ies" if noun.endswith("ty") else f"{number} {noun}s"
-
-
 def free_name(name: str, taken: set[str]) -> str:
     """`name`, or one like it where it is taken or too long; it is taken from now on."""
     if name in taken or len(name) > 64:

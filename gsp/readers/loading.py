@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from gsp.errors import DeclarationError, ModelFileError
 from gsp.readers.antimony import read_antimony
@@ -21,6 +23,8 @@ FORMATS: dict[str, Callable[[str], ForeignModel]] = {
     ".sbml": read_sbml,
     ".ant": read_antimony,
 }
+# What a model file says of itself, in no words of its equations.
+PROSE = ("name", "title", "source", "description")
 # SBML says in markup, units and annotations ten times what a model file says.
 LARGEST = {".xml": 4 * 1024 * 1024, ".sbml": 4 * 1024 * 1024}
 
@@ -39,11 +43,15 @@ def load(path: str | os.PathLike[str]) -> Scene:
 
 
 def load_noted(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
-    """What `load` returns, and notes on what was understood of a foreign model, [] for TOML."""
+    """What `load` returns, and notes on what was understood of a foreign model, or on what of TOML is not used."""
     file = _path(path, "load")
     try:
         if file.suffix.lower() not in FORMATS:
-            return scene_of(read_document(file), file), []
+            document = read_document(file)
+            scene = scene_of(document, file)
+            unused = _unused(document)
+            told = f"nothing in the file uses {', '.join(unused)} of its parameters"
+            return scene, [told] if unused else []
         found, scene = _imported(file)
         return scene, found.notes
     except (ModelFileError, DeclarationError) as error:
@@ -68,6 +76,24 @@ def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> I
     except (ModelFileError, DeclarationError) as error:
         raise ModelFileError.of(error, file.name) from None
     return found
+
+
+def _unused(document: dict) -> list[str]:
+    """The parameters that no other entry of a model file mentions, as a key or in a text."""
+    texts: list[str] = []
+    waiting: list[Any] = [part for key, part in document.items() if key not in ("parameters", *PROSE)]
+    waiting += document.get("parameters", {}).values()
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, dict):
+            texts += part
+            waiting += part.values()
+        elif isinstance(part, list):
+            waiting += part
+        elif isinstance(part, str):
+            texts.append(part)
+    words = set(re.findall(r"\w+", " ".join(texts)))
+    return [name for name in document.get("parameters", {}) if name not in words]
 
 
 def _path(path: str | os.PathLike[str], verb: str) -> Path:

@@ -19,11 +19,12 @@ import sympy as sp
 
 from gsp.errors import ModelFileError, is_hidden
 from gsp.readers.conservation import Law, conserved, most_of
-from gsp.readers.foreign import SMALL, ForeignModel, counted, number_in
+from gsp.readers.foreign import SMALL, ForeignModel, number_in
 from gsp.readers.sbml_document import library, read_document
 from gsp.readers.sbml_math import names_in
 from gsp.readers.sbml_quantities import TOTAL, Quantities
 from gsp.readers.sbml_values import fraction_text
+from gsp.systems.arguments import counted
 from gsp.systems.tolerances import RTOL, absolute_tolerance
 
 # SBML does not say how fast its fast reactions are.

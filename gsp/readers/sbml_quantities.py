@@ -12,9 +12,10 @@ import sympy as sp
 from gsp.errors import ModelFileError
 from gsp.readers.conditions import POSITIVE
 from gsp.readers.expressions import FUNCTIONS, RESERVED
-from gsp.readers.foreign import ForeignModel, counted, free_name
+from gsp.readers.foreign import ForeignModel, free_name
 from gsp.readers.sbml_math import Mathematics, decimal, names_in
 from gsp.readers.sbml_values import Values, exact, fraction_text
+from gsp.systems.arguments import counted
 
 # SBML does not say for how long a model runs.
 TOTAL = "10"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from gsp.errors import ModelFileError, met_at
 from gsp.readers.expressions import CHARACTERS, FUNCTIONS
-from gsp.readers.foreign import WORDS, ForeignModel, counted, fresh_name, names_in, number_in
+from gsp.readers.foreign import WORDS, ForeignModel, fresh_name, names_in, number_in
 from gsp.readers.xppaut_arrays import WRITTEN, without_sums, written_out
 from gsp.readers.xppaut_conditions import without_conditions
 from gsp.readers.xppaut_functions import Helpers
@@ -29,6 +29,7 @@ from gsp.readers.xppaut_lines import (
     statement_of,
 )
 from gsp.readers.xppaut_order import taken_a_step_late
+from gsp.systems.arguments import counted
 
 # XPPAUT's own, where a file does not say.
 TOTAL = "20"

@@ -30,7 +30,7 @@ from gsp.reductions.measurement import (
 )
 from gsp.reductions.reduction import Reduction
 from gsp.reductions.screening import defect
-from gsp.reductions.special_parts import SpecialPart, special_parts, with_errors
+from gsp.reductions.special_parts import SpecialPart, special_parts, with_errors, without_repetition
 from gsp.results.card import Card
 from gsp.scales.small_parameter import SmallParameter
 from gsp.scales.time_scales import TimeScales, time_scales
@@ -107,7 +107,6 @@ class Reductions(Card):
                     "error": each.error,
                 }
                 for each in self.special
-                if each.error is not None and np.isfinite(each.error)
             ],
         }
 
@@ -230,7 +229,8 @@ def find_reductions(
         unnamed = fast_directions(field, run.y[:, -1], count, gaps[count - 1])
         look_at(part for _, part in _screened(plain, run, gaps, unnamed))
     is_separated = gaps >= needed_gap(LARGEST)
-    special = with_errors(plain, run, special_parts(field, lambda count: bool(is_separated[count - 1])))
+    parts_at = special_parts(field, lambda count: bool(is_separated[count - 1]))
+    special = without_repetition(with_errors(plain, run, parts_at))
     # What no state or reaction names may have a formula.
     if all(each.why_not for each in named):
         look_at(SpecialPart(e) for e in special[:MEASURED] if e.error is not None and e.error <= LARGEST)

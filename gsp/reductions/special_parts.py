@@ -6,7 +6,7 @@ small they are here is measured: the reduction at the special value is run again
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,7 +61,7 @@ class SpecialPart:
 
 
 def special_parts(field: VectorField, is_separated: Callable[[int], bool]) -> list[SmallParameter]:
-    """The special values with so many fast directions as `is_separated` allows, whose manifolds attract and move."""
+    """The special values with so many fast directions as `is_separated` allows, whose manifolds attract, as graphs."""
     dimensions = [d for d in range(1, len(field.states)) if is_separated(len(field.states) - d)]
     # Choices of vanishing parameters, 2^count, that are looked at in a search.
     if not dimensions or len(field.parameters) > 8:
@@ -70,15 +70,18 @@ def special_parts(field: VectorField, is_separated: Callable[[int], bool]) -> li
         found = small_parameters(field, dimensions=dimensions)
     except GspError:
         return []
+    return [e for e in found if e.attracts is not False and e.is_positive is not False and e.graph is not None]
+
+
+def without_repetition(found: Iterable[SmallParameter]) -> tuple[SmallParameter, ...]:
+    """Those whose manifold the start leads to and on which something moves, one for each reduction on it."""
     useful: dict[object, SmallParameter] = {}
     for each in found:
-        if each.attracts is False or each.is_positive is False or not each.is_within_reach:
-            continue
-        if each.graph is None or each.is_trivial:
-            continue
-        # More parameters that vanish, to the same reduction on the same manifold, say nothing new.
-        useful.setdefault((frozenset(each.graph.items()), frozenset(each.reduced.items())), each)
-    return list(useful.values())
+        graph = each.graph
+        if graph is not None and each.error is not None and np.isfinite(each.error) and not each.is_trivial:
+            # More parameters that vanish, to the same reduction on the same manifold, say nothing new.
+            useful.setdefault((frozenset(graph.items()), frozenset(each.reduced.items())), each)
+    return tuple(useful.values())
 
 
 def with_errors(
@@ -103,8 +106,9 @@ def with_errors(
     layers: Layers = {}
     for k, each in enumerate(found):
         progress(k / len(found))
-        runs = each.is_within_reach and each.graph is not None
-        measured.append(replace(each, error=_error(scene, run, each, layers)) if runs else each)
+        measured.append(
+            replace(each, error=_error(scene, run, each, layers)) if each.graph is not None else each
+        )
     return tuple(sorted(measured, key=lambda each: each.error if each.error is not None else float("inf")))
 
 
@@ -128,7 +132,7 @@ def _layer(small: SmallParameter, known: Layers) -> VectorField:
     return known[divides, order].with_parameters(**dict.fromkeys(set(small.vanishing) - divides, 0.0))
 
 
-def _error(scene: Scene, run: Trajectory, small: SmallParameter, layers: Layers) -> float:
+def _error(scene: Scene, run: Trajectory, small: SmallParameter, layers: Layers) -> float | None:
     first, last = scene.span
 
     def over(flow: VectorField, start: dict[str, float], options: RunOptions = PLAIN) -> Trajectory:
@@ -146,6 +150,8 @@ def _error(scene: Scene, run: Trajectory, small: SmallParameter, layers: Layers)
         # As of any candidate: what is told behind a longer layer is told of the end of the run.
         if not begun - first <= LARGEST_LAYER * (last - first):
             return float("inf")
+        if not small.is_within_reach:
+            return None
         # Refused where a rate of the reduction divides by 0 at the scene's own values.
         reduced = small.reduced_field
         names = [s.name for s in reduced.states]

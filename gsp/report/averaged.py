@@ -104,7 +104,7 @@ def _page(found: Averaging, scene: Scene, measured: Comparison, pictures: Mappin
             phase=setting.inline(phase),
             slow=setting.names(slow),
             orders=orders,
-            slopes=["exact" if measured.is_exact(n) else fitted(measured.slopes[n]) for n in orders],
+            slopes=["at rounding" if measured.is_exact(n) else fitted(measured.slopes[n]) for n in orders],
             equations=setting.rates(zip(found.system.states, found.system.rates)),
             parameters=[setting.named_value(p, value) for p, value in found.system.parameters.items()],
             start=[setting.named_value(sp.Symbol(name), value) for name, value in scene.start.items()],

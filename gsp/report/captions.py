@@ -275,7 +275,9 @@ def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
     if analysis.base is not None:
         # An error that the digits shown would hide.
         off = [
-            Markup(" ({} is known to about {})").format(setter.inline(sp.Symbol(name)), number(error, 1))
+            Markup(" ({} is {})").format(
+                setter.inline(sp.Symbol(name)), Markup(analysis.base.how_known(name)).format(number(error, 1))
+            )
             for name, error in analysis.base.errors.items()
             if number(analysis.base[name] - error) != number(analysis.base[name] + error)
         ]
@@ -292,9 +294,10 @@ def _failure_map(analysis: Analysis, setter: Typesetter) -> Markup:
     assert found is not None
     return Markup(
         "Where each method holds, measured in {} runs. Above: runs that start at positions along {}, over {} of the "
-        "span, with a tolerance of {}. Below: runs over the whole span from the start, for a range of tolerances. In "
-        "darker places a higher order of the reduced flow is needed. In hatched places explicit steps need more than "
-        "four times as many calls of the field as implicit ones."
+        "span, with a tolerance of {}. Below: runs over the whole span, for a range of tolerances; reduced runs begin "
+        "on the slow manifold, and so do those that they are measured against. In darker places a higher order of the "
+        "reduced flow is needed. In hatched places explicit steps need more than four times as many calls of the field "
+        "as implicit ones."
     ).format(
         found.runs, setter.inline(sp.Symbol(found.axis)), f"{100.0 * HORIZON:g}\u00a0%", number(found.tolerance)
     )

@@ -82,6 +82,7 @@ def _equations(analysis: Analysis) -> dict[str, Any]:
         "given": {s.name: str(rate) for s, rate in dict(rates).items()},
         "slow": {s.name: str(rate) for s, rate in system.slow.items()},
         "fast": {s.name: str(rate) for s, rate in system.fast.items()},
+        "reconstruction": {s.name: str(rate) for s, rate in analysis.scene.reconstruction.items()},
         "parameters": {s.name: str(value) for s, value in system.parameters.items()},
     }
 

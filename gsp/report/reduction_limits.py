@@ -51,7 +51,8 @@ def _map(analysis: Analysis, setter: Typesetter) -> Markup:
     span = [found.holds_over_span(n) for n in found.orders]
     return Markup(
         "The largest {} up to which the reduced flow meets the tolerance of {}: for runs of {} of the span that begin "
-        "anywhere in the region's interval of {}, {}; for the run over the whole span from the start, {}. "
+        "anywhere in the region's interval of {}, {}; for runs over the whole span, both "
+        "begun on the slow manifold, {}. "
         "The map covers {} = {} to {}."
     ).format(
         epsilon,

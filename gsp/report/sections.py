@@ -103,7 +103,7 @@ class Page(Setting):
         """The errors of the orders at the scene's epsilon, from a start on the slow manifold."""
         comparison = self.analysis.comparison
         if all(comparison.is_exact(order) for order in comparison.errors):
-            return Markup("exact at order {}, at every {}").format(
+            return Markup("within rounding at order {} from the slow manifold on, at every {}").format(
                 min(comparison.errors), self.inline(self.epsilon)
             )
         known = {order: self.error_at(order) for order in comparison.errors}
@@ -138,10 +138,11 @@ class Page(Setting):
         """(error of an order at the scene's epsilon, how it is known when it was not measured there)."""
         comparison, epsilon = self.analysis.comparison, self.analysis.scene.epsilon
         pairs = sorted(zip(comparison.epsilons, comparison.errors[order]))
-        pairs = [(e, error) for e, error in pairs if math.isfinite(error) and error > 0.0]
+        pairs = [(e, error) for e, error in pairs if math.isfinite(error)]
         for e, error in pairs:
             if math.isclose(e, epsilon, rel_tol=1e-9):
                 return error, ""
+        pairs = [(e, error) for e, error in pairs if error > 0.0]
         if len(pairs) < 2:
             return float("nan"), ""
         below = [pair for pair in pairs if pair[0] < epsilon]
@@ -248,7 +249,7 @@ class Page(Setting):
 
     def _slopes(self) -> Markup:
         comparison = self.analysis.comparison
-        slopes = ["exact" if comparison.is_exact(n) else fitted(s) for n, s in comparison.slopes.items()]
+        slopes = ["at rounding" if comparison.is_exact(n) else fitted(s) for n, s in comparison.slopes.items()]
         if set(slopes) == {"–"}:
             return Markup("not measured: fewer than two errors stand clear of the reference’s own")
         orders = self._listed([str(order) for order in comparison.slopes])
@@ -299,7 +300,7 @@ class Page(Setting):
                 rows = [self.block(self.set.row(y), h) for y, h in branch.graph.items()]
             else:
                 # On the right, where it is broken into lines that a page holds.
-                rows = [self.coefficient("<mn>0</mn>", e) for e in branch.equations]
+                rows = [self.formula("<mn>0</mn>", e) for e in branch.equations]
             chosen = branch.equations == study.branch.equations
             result.append({"rows": rows, "chosen": chosen, "explicit": branch.is_explicit})
         return result
@@ -314,7 +315,7 @@ class Page(Setting):
         def rows(name: str, symbols, table) -> list[tuple[Markup, Markup]]:
             zero = {k for k in range(series.order + 1) if all(table[k][s] == 0 for s in symbols)}
             found = [
-                self.coefficient(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
+                self.formula(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
                 for k in range(series.order + 1)
                 for s in symbols
                 if k not in zero
@@ -367,7 +368,7 @@ class Page(Setting):
 
     def errors(self) -> dict[str, Any]:
         found = self.analysis.comparison
-        slopes = {n: "exact" if found.is_exact(n) else fitted(s) for n, s in found.slopes.items()}
+        slopes = {n: "at rounding" if found.is_exact(n) else fitted(s) for n, s in found.slopes.items()}
         stopped = [
             f"A run of order {orders} {self.epsilon} did not reach the end: {status.meaning}."
             if orders.endswith("each")

@@ -42,11 +42,11 @@ class Setting:
     ) -> list[tuple[Markup, Markup]]:
         """A displayed equation for each pair of a symbol and its rate, with a `factor` before the derivatives."""
         before = () if factor is None else (self.set.row(factor),)
-        return [self.block(row(*before, dotted(self.set.row(symbol))), rate) for symbol, rate in pairs]
+        return [self.formula(row(*before, dotted(self.set.row(symbol))), rate) for symbol, rate in pairs]
 
-    def coefficient(self, left: str, right: sp.Expr) -> tuple[Markup, Markup]:
-        """The same for a coefficient of a series; one that is too long to be read says where it stands."""
-        taken = count_lines(right)
+    def formula(self, left: str, right: sp.Expr | str) -> tuple[Markup, Markup]:
+        """A displayed equation; one that is too long to be read says where it stands."""
+        taken = count_lines(right) if isinstance(right, sp.Expr) else 1
         # A formula of more lines is read by nobody on a page: four of so many are the most of one.
         if taken <= 12:
             return self.block(left, right)

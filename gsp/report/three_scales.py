@@ -38,8 +38,7 @@ class ThreeScales:
     def as_dict(self) -> dict[str, Any]:
         """What `gsp nest` says, as plain values."""
         comparisons = {name: each.as_json() for name, each in self.measured.items()}
-        gaps = {"C1": self.found.first.hyperbolicity.gap, "C2": self.found.second.hyperbolicity.gap}
-        return {**self.found.as_dict(), "gaps": gaps, "comparisons": comparisons}
+        return {**self.found.as_dict(), "gaps": dict(self.found.gaps), "comparisons": comparisons}
 
 
 def three_scales(page: Page, three: ThreeScales) -> dict[str, Any]:
@@ -51,7 +50,7 @@ def three_scales(page: Page, three: ThreeScales) -> dict[str, Any]:
             "name": name,
             "branch": str(study.branch),
             "kind": str(study.hyperbolicity.kind),
-            "gap": study.hyperbolicity.gap,
+            "gap": found.gaps[name],
             "fast": page.names(study.system.y),
         }
         for name, study in (("C1", found.first), ("C2", found.second))

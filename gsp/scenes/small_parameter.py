@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import sympy as sp
@@ -20,7 +18,7 @@ from gsp.scenes.slow_time import explain_slow_time, told_in_slow_time
 from gsp.splitting.fast_time import divided, divides
 from gsp.systems.arguments import check_among, check_each, check_noun, check_text, shown
 from gsp.systems.declaration import exact
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, rounded_outwards
 from gsp.systems.system import SlowFastSystem, VectorField
 from gsp.systems.tolerances import absolute_tolerance
 
@@ -256,7 +254,7 @@ def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Mapping[str, Interva
             size = max(abs(low), abs(high))
             # What keeps to the tolerance stays within.
             margin = scene.tolerance * size if high - low > RTOL * size else 1.0 + size
-            region[name] = _rounded_outwards(low - margin, high + margin, RTOL * margin)
+            region[name] = rounded_outwards(low - margin, high + margin, RTOL * margin)
         for name in _never_negative(scene.full_flow, [s for s in flow.states if run[s].min() >= 0.0]):
             if name in missing:
                 region[name] = max(region[name][0], 0.0), region[name][1]
@@ -277,15 +275,6 @@ def _largest(run: Trajectory, name: str, sign: float) -> float:
         largest = max(largest, float(values[at]))
         times = np.linspace(times[max(at - 1, 0)], times[min(at + 1, len(times) - 1)], 17)
     return largest
-
-
-def _rounded_outwards(low: float, high: float, accuracy: float) -> Interval:
-    """The interval with ends in no more digits than the accuracy has, for who reads them."""
-    # A state may be as small as numbers get.
-    places = math.floor(math.log10(max(accuracy, np.finfo(float).tiny)))
-    step = Fraction(10) ** places
-    ends = math.floor(Fraction(low) / step), math.ceil(Fraction(high) / step)
-    return float(f"{ends[0]}e{places}"), float(f"{ends[1]}e{places}")
 
 
 def _never_negative(flow: VectorField, candidates: Iterable[sp.Symbol]) -> set[str]:

@@ -30,7 +30,7 @@ from gsp.singular.flight import Flight, Flights
 from gsp.singular.orbit_period import period_of
 from gsp.singular.passage.fold_passage import ZERO
 from gsp.singular.slow_pieces import CLOSED, SlowPiece, follow_piece, landed_on, on_sheet
-from gsp.systems.arguments import check_noun, check_progress, check_whole, shown
+from gsp.systems.arguments import check_noun, check_progress, check_whole, counted, shown
 from gsp.systems.flow import Point, check_epsilon, complete, in_words
 from gsp.systems.system import VectorField
 
@@ -83,8 +83,8 @@ class SingularOrbit(Drawn, Tabular):
         return any(piece.flight is not None for piece in self.cycle)
 
     def __repr__(self) -> str:
-        ending = f"closed, {self.period_pieces} drops" if self.closes else "open"
-        return f"SingularOrbit({len(self.pieces)} slow pieces, {ending})"
+        ending = f"closed, {counted(self.period_pieces, 'drop')}" if self.closes else "open"
+        return f"SingularOrbit({counted(len(self.pieces), 'slow piece')}, {ending})"
 
     def __str__(self) -> str:
         lines = [f"singular orbit: {self.message}"]
@@ -99,11 +99,10 @@ class SingularOrbit(Drawn, Tabular):
                 text += str(piece.fold.drop) if piece.flight is None else _told(piece.flight)
             lines.append(text)
         if self.coefficients is not None:
-            leading, first, second = self.coefficients
-            rest = (
-                " + O(epsilon ln epsilon)" if self.flies else f" {second:+.8g} epsilon ln epsilon + O(epsilon)"
-            )
-            lines.append(f"  period {leading:.10g} {first:+.8g} epsilon^(2/3){rest}")
+            small, (leading, first, second) = self.branch.system.epsilon.name, self.coefficients
+            log = f"{small} ln {small}"
+            rest = f" + O({log})" if self.flies else f" {second:+.8g} {log} + O({small})"
+            lines.append(f"  period {leading:.10g} {first:+.8g} {small}^(2/3){rest}")
         return "\n".join(lines)
 
 
@@ -149,26 +148,31 @@ def singular_orbit(
     point: Point = start
     pieces: list[SlowPiece] = []
     landings: list[np.ndarray] = []
-    back, message = 0, Reason(f"not closed after {max_pieces} slow pieces; raise max_pieces to go on")
+    back, message = (
+        0,
+        Reason(f"not closed after {counted(max_pieces, 'slow piece')}; raise max_pieces to go on"),
+    )
     while len(pieces) < max_pieces:
         sheet = landed_on(branch, point) if pieces else branch
         if sheet is None:
             fact = f"the last drop lands at {in_words(point, 8)}, where the reduced flow has no branch to go on along"
-            message = Reason(f"{len(pieces)} slow pieces; {fact}")
+            message = Reason(f"{counted(len(pieces), 'slow piece')}; {fact}")
             break
         piece, why = follow_piece(sheet, point, flights)
         pieces.append(piece)
         if progress is not None:
             progress(len(pieces))
         if piece.landing is None:
-            message = why or Reason(f"{len(pieces)} slow pieces; {piece.fold and piece.fold.drop}")
+            message = why or Reason(f"{counted(len(pieces), 'slow piece')}; {piece.fold and piece.fold.drop}")
             break
         point = piece.landing
         landed = np.array([point[s.name] for s in system.states]) / np.concatenate(branch.scales)
         back = _closed(landings, landed)
         landings.append(landed)
         if back:
-            message = Reason(f"closed after {len(pieces)} slow pieces, {back} drops a period")
+            message = Reason(
+                f"closed after {counted(len(pieces), 'slow piece')}, {counted(back, 'drop')} a period"
+            )
             break
     return SingularOrbit(branch, tuple(pieces), back, message, flights)
 

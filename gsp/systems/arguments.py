@@ -97,6 +97,17 @@ def shown(value: object) -> str:
     return text if len(text) <= 200 else reprlib.repr(text)[1:-1]
 
 
+def counted(number: int, noun: str) -> str:
+    """`number` and the noun in the singular or the plural.
+
+    >>> counted(1, "state"), counted(2, "auxiliary quantity")
+    ('1 state', '2 auxiliary quantities')
+    """
+    if number == 1 or noun == "species":
+        return f"{number} {noun}"
+    return f"{number} {noun[:-1]}ies" if noun.endswith("ty") else f"{number} {noun}s"
+
+
 def check_noun(value: Any, kinds: type | tuple[type, ...], *, verb: str) -> None:
     """Raises `DeclarationError` unless `value` is an instance of `kinds`; says which verbs come first."""
     if isinstance(value, kinds):

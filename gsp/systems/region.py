@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
 
@@ -108,13 +110,30 @@ def shown_ends(bounds: Interval) -> tuple[str, str]:
 
 
 def shown_within(value: float, bounds: Interval) -> str:
-    """A place between two ends as text, to four digits or as many more as these need to be told apart."""
-    return f"{value:.{digits_between(bounds, 4)}g}"
+    """A place between two ends as text, to four digits or as many more as these need to be told apart.
+
+    Between a negative and a positive end what these digits of the ends would not show is 0.
+
+    >>> shown_within(-3.4e-6, (-1, 1)), shown_within(-3.4e-6, (-1e-5, 1)), shown_within(3.4e-6, (0, 1))
+    ('0', '-3.4e-06', '3.4e-06')
+    """
+    digits = digits_between(bounds, 4)
+    hidden = bounds[0] < 0.0 < bounds[1] and abs(value) < 0.5 * 10.0**-digits * min(-bounds[0], bounds[1])
+    return "0" if hidden else f"{value:.{digits}g}"
 
 
 def digits_between(bounds: Interval, least: int = 6) -> int:
     """To how many digits two ends are told: to the `least` of each, and of what is between them."""
     return min(max(digits_of(*bounds, least) - 1, least), 17)
+
+
+def rounded_outwards(low: float, high: float, accuracy: float) -> Interval:
+    """The interval with ends in no more digits than the accuracy has, for who reads them."""
+    # A state may be as small as numbers get.
+    places = math.floor(math.log10(max(accuracy, np.finfo(float).tiny)))
+    step = Fraction(10) ** places
+    ends = math.floor(Fraction(low) / step), math.ceil(Fraction(high) / step)
+    return float(f"{ends[0]}e{places}"), float(f"{ends[1]}e{places}")
 
 
 def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:

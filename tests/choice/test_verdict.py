@@ -98,6 +98,14 @@ def test_no_epsilon_is_said_to_help_beyond_where_the_limit_ends(failure: Failure
     assert "only" not in verdict_of(FULL, short, FULL).remedy
 
 
+@pytest.mark.parametrize("failure", list(Failure))
+def test_what_is_not_predicted_is_not_said_to_fail(failure: Failure) -> None:
+    """Beyond a kink that is crossed, say, an error may be small, as that of max(x - 1, 0) is."""
+    found = verdict_of(FULL, failing(0, Failure.ERROR), failing(1, failure, predicted=1e-9), FULL)
+    stays = "stays" if failure in (Failure.ERROR, Failure.END) else "is known to stay"
+    assert f"no reduced model {stays} within" in found.accuracy
+
+
 def test_a_loss_that_the_limit_meets_is_met_at_every_epsilon() -> None:
     """An infection dies out along I = 0, which loses its stability at S = 2/5: 1 - S = 4/5 exp(-2 t) is 3/5 there."""
     susceptible, ill, epsilon = sp.symbols("S I epsilon")
@@ -147,7 +155,8 @@ def test_a_region_without_the_slow_manifold_asks_for_a_larger_one_and_no_shorter
     asked = Scene(system, {"x": (0, 2), "y": (0, 1)}, {"x": 1, "y": 1}, (0, 5), 0.05, tolerance=0.01)
     assert choose(asked).verdict.remedy == "A larger region would help."
     plain = find_reductions(without_small(asked))
-    assert "but the region is left at t = 0.3" in plain.reason
+    for told in (choose(asked).verdict.accuracy, plain.reason):
+        assert "but the slow manifold is outside the region at t = 0" in told
     assert plain.reason.endswith(". A larger region would help.")
 
 
@@ -159,6 +168,9 @@ def test_what_comes_nearest_is_predicted_to_be_least_wrong() -> None:
     found = verdict_of(FULL, *flows, FULL, partial=flows[-1], layer=0.6)
     assert found.answer is Answer.NO
     assert "The nearest is the reduced flow of order 1," in found.accuracy
+    alike = [replace(flow, predicted=0.3 + 1e-5 * n) for n, flow in enumerate(reversed(flows))]
+    found = verdict_of(FULL, *reversed(alike), FULL, partial=alike[0], layer=0.6)
+    assert "The nearest is the reduced flow of order 0," in found.accuracy
 
 
 def test_none_is_nearest_for_an_error_that_is_all_of_its_size() -> None:

@@ -128,6 +128,15 @@ def test_a_gap_of_nothing_at_all_is_no_hyperbolic_equilibrium() -> None:
     assert [c.name for c in verdict.conditions if not c.holds] == ["hyperbolic equilibria"]
 
 
+def test_a_graph_may_leave_the_bounds_on_fast_variables_and_is_not_said_to_be_missing_there() -> None:
+    """They choose a sheet: over half of the region y = x is outside them, and the branch is a graph all the same."""
+    verdict = judge(x - y, {"x": (0, 2), "y": (-2, 1)})
+    assert verdict.holds
+    assert str(condition(verdict, "graph")).endswith(
+        "(share of points of the region over which it has no real point, 0 needed)"
+    )
+
+
 @pytest.mark.parametrize(
     "g", [x * y - 1, -y + 1 / (x**2 - sp.Rational(1, 9)), (x - sp.Rational(1, 3)) ** 2 * y - 1]
 )

@@ -198,6 +198,17 @@ def test_the_coefficients_of_a_fold() -> None:
     assert "epsilon^(2/3)" in loss.consequence
 
 
+def test_a_small_parameter_is_called_by_its_name_in_what_is_said_of_a_loss() -> None:
+    x, v, mu = sp.symbols("x v mu")
+    system = SlowFastSystem(slow={x: 1 + v / 10}, fast={v: -x - v**2}, epsilon=mu)
+    found = classify(solve_critical(system).branches[0], region={"x": (-1, 0), "v": (0, 3)}, epsilon=0.004)
+    (loss,) = found.losses
+    assert "2.338 mu^(2/3) later" in loss.consequence
+    assert loss.scaling == "v ~ mu^(1/3), x ~ mu^(2/3), by the weights (1, 2, 3) of v, x and mu in the blow-up"
+    assert "epsilon" not in str(found)
+    assert not any("epsilon" in condition.statement for condition in found.conditions)
+
+
 @pytest.mark.exhaustive
 def test_the_delay_at_a_fold_is_the_time_of_the_jump() -> None:
     # epsilon v' = v^2 + kappa t, t' = 1, blows up at t = Omega_0 epsilon^(2/3) kappa^(-1/3).

@@ -180,6 +180,17 @@ def test_without_a_frame_free_velocities_keep_their_names() -> None:
     assert [e.subs(same) for e in built.reduced.rates] == list(named_.values())
 
 
+@pytest.mark.parametrize("curved", [False, True])
+def test_a_frame_is_found_where_a_form_is_not_real_everywhere(curved: bool) -> None:
+    """As sqrt(1/4 - x^2) is, at some of the generic points."""
+    height = sp.Rational(1, 4) - x**2
+    L = (xdot**2 + ydot**2 + phidot**2 + (x * xdot) ** 2 / height * int(curved)) / 2
+    system = LagrangianSystem(L, [x, y, phi], [xdot, ydot, phidot])
+    found = constrain(system, [ydot * sp.cos(phi) - xdot * sp.sin(phi) * sp.sqrt(height)])
+    slope = found.velocities[ydot] / found.velocities[xdot]
+    assert float(slope.subs({x: 0.3, phi: 0.4})) == pytest.approx(0.4 * np.tan(0.4), rel=1e-12)
+
+
 def test_three_velocities_under_one_turning_constraint_get_a_frame() -> None:
     system = free("x y z phi")
     built = constrain(system, [xdot * cos(phi) + ydot * sin(phi) + zdot * sin(phi)])

@@ -455,7 +455,9 @@ def test_the_command_tells_manifolds_series_and_slopes(tmp_path: Path) -> None:
         "Three time scales, of epsilon and delta: x the fastest, then y, then z.",
         "C1: x = y",
         "C2, within C1: y = 2*(1 - sqrt(1 - z))",
-        "C1: attracting, gap 100",
+        "C1: attracting, gap 2000 in slow time",
+        # 1 - x/2 at y = 0.225 over z = 0.6, the least: sqrt(1 - z)/delta.
+        "C2: attracting, gap 63.2456 in slow time",
         "epsilon and delta: largest relative error",
     ):
         assert words in text

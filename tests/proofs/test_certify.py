@@ -394,6 +394,30 @@ def test_a_branch_that_is_symmetric_about_the_middle_is_cut_across_its_symmetry(
     assert float(found.gap) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    "g",
+    [
+        {y: x * y - z, z: y + x * z + x**2},
+        {y: x * y * (1 + y)},
+        {y: x * (y - x), z: -z},
+    ],
+)
+def test_a_loss_in_the_middle_of_the_region_is_refuted_in_few_boxes(g: dict) -> None:
+    """From the middle itself no change of type is told; boxes that end at 0 were halved to the least double."""
+    found = certify(branch(g), region={"x": (-1, 1)})
+    assert found.verdict is REFUTED
+    assert found.witness is not None
+    low, high = found.witness.box["x"]
+    assert low <= 0 <= high
+    assert found.tried < 100
+
+
+def test_a_branch_that_is_a_centre_everywhere_is_cut_into_parts_of_its_region_only() -> None:
+    found = certify(branch({y: -z, z: y + x**2}), region={"x": (-1, 1)})
+    assert found.verdict is UNDECIDED
+    assert found.tried < 300
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("power", [1, 2])
 @pytest.mark.parametrize("width", [sp.Rational(1, 10**5), sp.Rational(1, 250000000)])

@@ -246,6 +246,12 @@ def test_a_slip_is_named_with_its_place_and_its_remedy(text, words):
         assert word in str(caught.value)
 
 
+def test_a_name_where_nothing_is_declared_asks_for_a_number():
+    """As of --set k=nan, where a parameter that is declared would not help."""
+    with pytest.raises(ModelFileError, match=r'"nan" is not declared.*Give a number'):
+        parse_expression("nan", symbols={})
+
+
 def test_the_offending_place_is_marked_by_a_caret():
     with pytest.raises(ModelFileError) as caught:
         parse("x*\tq + 1")

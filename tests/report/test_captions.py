@@ -126,6 +126,8 @@ def test_a_base_point_that_is_not_known_to_the_digits_shown_says_so(enzyme: Anal
     assert "is known to" not in said("time_series", enzyme)
     vague = replace(enzyme.base, errors={"s": 0.2})
     assert "is known to about 0.2" in said("time_series", replace(enzyme, base=vague))
+    lost = replace(enzyme.base, errors={"s": 4e3})
+    assert "is not known: it may be off by about 4×10" in said("time_series", replace(enzyme, base=lost))
 
 
 def test_proved_numbers_are_rounded_to_the_side_on_which_they_hold() -> None:

@@ -30,7 +30,7 @@ from tests.cases import sampled
 from tests.example_systems import saddle_scene
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
-POWER = re.compile(r"(?:(\d+(?:\.\d+)?)\s*\\(?:\(\\times\\\)|times)\s*)?\{?\b10\}?(?:\\\()?\^\{-(\d+)\}")
+POWER = re.compile(r"(?:(\d+(?:\.\d+)?)\s*\\(?:\(\\times\\\)|times)\s*)?\{?\b10\}?(?:\\\()?\^\{(-?\d+)\}")
 HOSTILE = "\\input{/etc/passwd} 50%_#1 $x^2$ & ~ {unbalanced \\end{document} ^^5c漢 -- ´"
 
 
@@ -40,7 +40,7 @@ def figures_of(text: str) -> Iterator[tuple[float, float]]:
     # What sets widths, names files or cites is no number of the text.
     body = re.sub(r"\\(?:cite|includegraphics\[.*?\])\{.*?\}|\{[^{}]*\\linewidth\}", "", body)
     for mantissa, power in POWER.findall(body):
-        scale = 10.0 ** -int(power)
+        scale = 10.0 ** int(power)
         yield float(mantissa or 1) * scale, scale * _unit(mantissa or "1")
     for number in NUMBER.findall(POWER.sub(" ", body)):
         yield float(number), _unit(number)
@@ -266,6 +266,8 @@ def test_a_coefficient_that_nobody_would_read_says_where_it_stands() -> None:
     setting = Setting([x])
     name = mathml.row("<mi>h</mi>")
     long = sp.Add(*(sp.Integer(k + 1) * sp.sin(k * x) ** 2 for k in range(200)))
-    _, right = setting.coefficient(name, long)
+    _, right = setting.formula(name, long)
     assert f"a formula of {count_lines(long)} lines, in report.json" in tex(right)
-    assert setting.coefficient(name, x**2 + 1) == setting.block(name, x**2 + 1)
+    assert setting.formula(name, x**2 + 1) == setting.block(name, x**2 + 1)
+    ((_, rate),) = setting.rates([(x, long)])
+    assert rate == right

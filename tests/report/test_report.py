@@ -385,6 +385,8 @@ def test_page_and_json_say_where_the_reduction_ends(monkeypatch, tmp_path):
     assert "<i>T</i> = 1.61371 + 7.01432" in text
     assert "2 drops a period" in text
     assert "gsp chart" in text
+    assert "for runs over the whole span, both begun on the slow manifold" in text
+    assert "reduced runs begin on the slow manifold" in text
     content = _strict((folder / "report.json").read_text(encoding="utf-8"))
     (fold,) = content["boundary"]["folds"]
     assert fold["passage"]["exit"] == pytest.approx(analysis.boundary.folds[0].passage.exit(0.01))
@@ -441,6 +443,25 @@ def test_conditions_are_met_over_the_whole_region_only_where_no_loss_is_left_bet
     sampled = dataclasses.replace(analysis.hyperbolicity, exclusion=left, certificate=None)
     told = Sections(dataclasses.replace(analysis, hyperbolicity=sampled)).conditions()
     assert told.startswith("met at every sample; between them a loss is not excluded over a share of 0.5")
+
+
+def test_errors_below_those_of_the_reference_are_at_rounding_and_not_called_exact() -> None:
+    """Of order 1 the series goes on, and what it leaves out is less than doubles tell; of one epsilon it is 0."""
+    s, c, epsilon = sp.symbols("s c epsilon")
+    system = gsp.SlowFastSystem(slow={s: -s - c / 10**8}, fast={c: s**2 - c}, epsilon=epsilon)
+    scene = gsp.Scene(system, {s: (0.1, 2)}, start={s: 1, c: 1}, span=(0, 1), epsilon=1e-3)
+    compared = gsp.compare(scene, orders=(0, 1))
+    errors = {**compared.errors, 1: (1e-16, 0.0, 1e-16, 0.0)}
+    compared = dataclasses.replace(compared, errors=errors)
+    page = Sections(cast(Any, SimpleNamespace(scene=scene, study=gsp.study(scene), comparison=compared)))
+    assert gsp.expand(gsp.solve_critical(system).branches[0], order=1).coefficients[1][c] != 0
+    assert page.error_at(1) == (0.0, "")
+    assert "1.00, at rounding at orders 0 and 1" in page._slopes()
+    compared = dataclasses.replace(compared, errors={1: errors[1]})
+    page = Sections(cast(Any, SimpleNamespace(scene=scene, study=gsp.study(scene), comparison=compared)))
+    assert (
+        page.measured().striptags().startswith("within rounding at order 1 from the slow manifold on, at every")
+    )
 
 
 def test_a_long_implicit_branch_is_broken_into_lines() -> None:

@@ -346,6 +346,15 @@ def test_what_is_printed_and_set() -> None:
         "  leading  y' = x + y**2",
         "  leading  x' = epsilon",
     ]
+    mu, slow, fast = (
+        sp.Symbol("mu"),
+        dict(zip(found.system.x, found.system.f)),
+        dict(zip(found.system.y, found.system.g)),
+    )
+    renamed = at_origin(gsp.SlowFastSystem(slow=slow, fast=fast, epsilon=mu))
+    assert (
+        renamed.line == "weights y 1, x 2, mu 3; degree 1; so y ~ mu^(1/3), x ~ mu^(2/3), slow time ~ mu^(2/3)"
+    )
     latex = found._repr_latex_()
     assert latex is not None
     for chart in found.charts:

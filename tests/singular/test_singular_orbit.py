@@ -141,7 +141,7 @@ def test_pieces_run_from_drop_to_fold(van_der_pol):
     ("rate", "cubic", "start", "words"),
     [
         (sp.Rational(3, 2) - x, CUBIC, {"x": 2, "y": 0.6}, "comes to rest at "),
-        (sp.Integer(1), x**2 + y, {"x": -1, "y": -1}, "escapes"),
+        (sp.Integer(1), x**2 + y, {"x": -1, "y": -1}, "1 slow piece; the drop lands on nothing: it escapes"),
         (1 - x, CUBIC, {"x": 2, "y": 0.6}, "canard"),
     ],
     ids=["settles", "escapes", "canard point"],
@@ -153,6 +153,15 @@ def test_an_orbit_that_does_not_come_round_does_not_close(rate, cubic, start, wo
     assert np.isnan(orbit.period(0.01))
     assert words in orbit.message
     assert orbit.message.count("1.5") == (words == "comes to rest at ")
+
+
+def test_a_period_is_told_in_the_small_parameter_by_its_name():
+    mu = sp.Symbol("mu")
+    orbit = orbit_of(SlowFastSystem(slow={y: -x}, fast={x: CUBIC}, epsilon=mu), {"x": 2, "y": 0.6})
+    assert "mu^(2/3) +0.33333333 mu ln mu + O(mu)" in str(orbit)
+    passage = str(orbit.cycle[0].fold)
+    assert "mu^(2/3)" in passage
+    assert "epsilon" not in passage
 
 
 def test_pieces_are_bounded():

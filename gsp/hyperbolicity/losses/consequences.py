@@ -8,6 +8,7 @@ M. Krupa, J. Dynam. Differential Equations 25 (2013) 925-958 for cusps; A. I. Ne
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from fractions import Fraction
 from typing import NamedTuple
@@ -26,6 +27,11 @@ class LossConsequence(NamedTuple):
     consequence: str
     may_reduce: bool
     remedy: str
+
+    def in_terms_of(self, small: str) -> LossConsequence:
+        """The same where the small parameter is called `small`."""
+        consequence, remedy = (re.sub(r"\bepsilon\b", small, told) for told in (self.consequence, self.remedy))
+        return self._replace(consequence=consequence, remedy=remedy)
 
 
 NOTHING_PASSES = LossConsequence(

@@ -172,6 +172,8 @@ class Diagnosis:
             for low, high in [self.box.get(name, (-np.inf, np.inf))]
             if np.isfinite(high - low)
         )
+        small = self.sampler.system.epsilon.name
+        verdict = verdict.in_terms_of(small)
         # What is rounding of the region is 0.
         rounded = np.where(np.abs(z) <= np.finfo(float).eps * self.units, 0.0, z)
         return Loss(
@@ -188,6 +190,7 @@ class Diagnosis:
             note=note,
             on_edge=on_edge,
             digits=self._digits,
+            small=small,
         )
 
     @cached_property

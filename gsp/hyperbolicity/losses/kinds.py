@@ -63,7 +63,8 @@ class Loss(Card):
     - `samples` counts the points of a curve or surface of such losses that this one stands for, `extent` gives the
       range of each slow variable over them;
     - `on_edge`: the place is on the edge of the region, so that one side of it only was examined;
-    - `digits` to which its place is told, by name, so that places of the region can be told apart.
+    - `digits` to which its place is told, by name, so that places of the region can be told apart;
+    - `small` is what the small parameter is called.
     """
 
     point: Mapping[str, float]
@@ -81,6 +82,7 @@ class Loss(Card):
     extent: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     on_edge: bool = False
     digits: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
+    small: str = "epsilon"
 
     @property
     def is_pole(self) -> bool:
@@ -111,8 +113,11 @@ class Loss(Card):
         if self.weights is None:
             return ""
         along, across, small = self.weights
-        sizes = f"v ~ epsilon^({Fraction(along, small)}), x ~ {_power(Fraction(across, small))}"
-        return f"{sizes}, by the weights {self.weights} of v, x and epsilon in the blow-up"
+        first = f"{self.small}^({Fraction(along, small)})"
+        second = self.small if across == small else f"{self.small}^({Fraction(across, small)})"
+        return (
+            f"v ~ {first}, x ~ {second}, by the weights {self.weights} of v, x and {self.small} in the blow-up"
+        )
 
     @property
     def headline(self) -> str:
@@ -136,7 +141,3 @@ class Loss(Card):
             rows.append(("because", self.scaling))
         rows.append(("reduction", ("may go on: " if self.may_reduce else "ends here: ") + self.remedy))
         return "\n".join([self.headline, *(f"  {name:10}  {text}" for name, text in rows)])
-
-
-def _power(exponent: Fraction) -> str:
-    return "epsilon" if exponent == 1 else f"epsilon^({exponent})"

@@ -33,15 +33,18 @@ DEGREE, HIGHEST = 3, 8
 
 
 class PassageScaling(NamedTuple):
-    """Powers of epsilon in the rescaling chart: `exponents` of variables by name, of `slow_time` and of `fast_time`."""
+    """Powers of epsilon, called `small`, in the rescaling chart: `exponents` of variables by name, of `slow_time` and
+    of `fast_time`.
+    """
 
     exponents: Mapping[str, sp.Rational]
     slow_time: sp.Rational
     fast_time: sp.Rational
+    small: str = "epsilon"
 
     def __str__(self) -> str:
-        sizes = [f"{name} ~ {_power(e)}" for name, e in self.exponents.items()]
-        return ", ".join([*sizes, f"slow time ~ {_power(self.slow_time)}"])
+        sizes = {**self.exponents, "slow time": self.slow_time}
+        return ", ".join(f"{name} ~ {_power(self.small, e)}" for name, e in sizes.items())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,12 +81,11 @@ class BlowUp(Card):
     @property
     def scaling(self) -> PassageScaling:
         """With r = epsilon^(1/w_epsilon), which the rescaling chart says: z_i ~ r^(w_i), fast time ~ r^(-k)."""
-        unit = self.weights[self.system.epsilon.name]
-        exponents = {
-            name: sp.Rational(w, unit) for name, w in self.weights.items() if name != self.system.epsilon.name
-        }
+        small = self.system.epsilon.name
+        unit = self.weights[small]
+        exponents = {name: sp.Rational(w, unit) for name, w in self.weights.items() if name != small}
         fast_time = -sp.Rational(self.degree, unit)
-        return PassageScaling(MappingProxyType(exponents), 1 + fast_time, fast_time)
+        return PassageScaling(MappingProxyType(exponents), 1 + fast_time, fast_time, small)
 
     @property
     def line(self) -> str:
@@ -289,5 +291,5 @@ def _blown_up(system: SlowFastSystem, point: ExactPoint, form: LocalForm, weight
     )
 
 
-def _power(exponent: sp.Rational) -> str:
-    return "epsilon" if exponent == 1 else f"epsilon^({exponent})" if exponent != 0 else "1"
+def _power(small: str, exponent: sp.Rational) -> str:
+    return small if exponent == 1 else f"{small}^({exponent})" if exponent != 0 else "1"

@@ -103,13 +103,13 @@ class FoldPassage(Card, Tabular):
         return f"FoldPassage({in_words(self.point)}; a = {self.a:.6g}, b = {self.b:.6g})"
 
     def __str__(self) -> str:
-        names = [s.name for s in self.system.x]
+        names, small = [s.name for s in self.system.x], self.system.epsilon.name
         width = max(map(len, names))
         lines = ["passage through the fold at " + in_words(self.point, 10)]
         lines.append(f"  a = {self.a:.8g}, b = {self.b:.8g}, Omega_0 = {OMEGA_0:.12g}")
         for name, start, first, second in zip(names, self.x0, self.leading, self.logarithmic):
-            terms = f"{start:.8g} {first:+.8g} epsilon^(2/3) {second:+.8g} epsilon ln epsilon"
-            lines.append(f"  {name:>{width}} = {terms} + O(epsilon)")
+            terms = f"{start:.8g} {first:+.8g} {small}^(2/3) {second:+.8g} {small} ln {small}"
+            lines.append(f"  {name:>{width}} = {terms} + O({small})")
         lines.append(f"  {self.drop}")
         return "\n".join(lines)
 
