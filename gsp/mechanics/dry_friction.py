@@ -185,10 +185,6 @@ class DryFrictionSystem(SlippingSystem):
         return rates, []
 
     @cached_property
-    def _drift(self) -> list[sp.Expr]:
-        return self._equations.written(self._equations.force)
-
-    @cached_property
     def _mobility(self) -> list[tuple[sp.Expr, ...]]:
         """eta' = drift + mobility f for forces f along the constraints."""
         ring, n = self._equations.algebra.ring, range(len(self.frame.quasi_velocities))

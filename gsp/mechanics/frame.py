@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -73,21 +73,29 @@ def moving_frames(
     that are built are regular wherever D is, and then, in a second list, of velocities alone, which are shorter.
     """
     if frame is not None:
-        yield [_moving_frame(system, constraints, partial(_named, system, constraints, frame), reserved)]
+        yield [_moving_frame(system, constraints, reserved, frame=frame)]
         return
     axes = [sp.ImmutableMatrix(sp.eye(len(system.velocities))), *turned_velocities(system, constraints.rows)]
     for regular in (True, False):
-        builders = [partial(_built, system, constraints, each, regular) for each in axes]
-        yield list(dict.fromkeys(_moving_frame(system, constraints, build, reserved) for build in builders))
+        built = (_moving_frame(system, constraints, reserved, axes=each, regular=regular) for each in axes)
+        yield list(dict.fromkeys(built))
 
 
 def _moving_frame(
-    system: LagrangianSystem, constraints: VelocityForms, along_forms: Callable, reserved: Sequence[sp.Symbol]
+    system: LagrangianSystem,
+    constraints: VelocityForms,
+    reserved: Sequence[sp.Symbol],
+    *,
+    frame=None,
+    **build: Any,
 ) -> MovingFrame:
     fixed = {s.name for s in (*system.coordinates, *system.values, *system.clock, *reserved)}
     across: list[sp.Symbol | None] = list(constraints.names)
-    taken = fixed | {v.name for v in system.velocities} | {s.name for s in across if s is not None}
-    along, rows = along_forms(taken, across)
+    if frame is None:
+        taken = fixed | {v.name for v in system.velocities} | {s.name for s in across if s is not None}
+        along, rows = _built(system, constraints, taken, **build)
+    else:
+        along, rows = _quasi_velocities(system, constraints, frame, across)
     used = fixed | {s.name for s in along} | {s.name for s in across if s is not None}
     used |= {v.name for v in system.velocities}
     fresh = fresh_symbols(sum(s is None for s in across), ("w", "s", "slip"), used)
@@ -116,9 +124,7 @@ def _moving_frame(
     return result
 
 
-def _named(
-    system, constraints: VelocityForms, frame, taken: set[str], across: list
-) -> tuple[tuple[sp.Symbol, ...], list]:
+def _quasi_velocities(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.Symbol, ...], list]:
     if not isinstance(frame, Mapping):
         raise DeclarationError("frame maps symbols to velocities.", got=type(frame).__name__)
     along, rows = [], []
@@ -152,7 +158,7 @@ def _named(
 
 
 def _built(
-    system, constraints: VelocityForms, axes: sp.ImmutableMatrix, regular: bool, taken: set[str], across: list
+    system, constraints: VelocityForms, taken: set[str], axes: sp.ImmutableMatrix, regular: bool
 ) -> tuple[tuple[sp.Symbol, ...], list]:
     """A frame of D: velocities along `axes` where constant pivots leave them free, combinations elsewhere."""
     algebra = Algebra(system.coordinates, tuple(system.values), [*entries(constraints.rows), *entries(axes)])

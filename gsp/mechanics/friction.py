@@ -145,10 +145,6 @@ class FrictionSystem(SlippingSystem):
     def _slips(self) -> list[RingElement]:
         return [self._equations.algebra.ring.generator(w) for w in self.frame.across]
 
-    @cached_property
-    def _drift(self) -> list[sp.Expr]:
-        return self._equations.written(self._equations.force)
-
     def _rates(self) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
         write = self._equations.algebra.write
         rates = {

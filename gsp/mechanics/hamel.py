@@ -203,21 +203,25 @@ def _terms(equations: HamelEquations) -> int:
 def _shortest(system: LagrangianSystem, frame: MovingFrame, further, known: Values) -> HamelEquations:
     """The equations in one frame, angles that turn together measured as `known`, or from one another, if shorter."""
 
+    # In one order of the angles, so that formulas are the same in every process.
+    def derived(measured_from: Values) -> HamelEquations:
+        return in_order(tuple((q, measured_from[q]) for q in system.coordinates if q in measured_from))
+
     @cache
-    def derived(measured_from: frozenset) -> HamelEquations:
+    def in_order(measured_from: tuple[tuple[sp.Symbol, sp.Expr], ...]) -> HamelEquations:
         return _derived(system, frame, further, measured_from=dict(measured_from))
 
-    given = before = derived(frozenset())
+    given = before = derived({})
     if not (together := turned_together(system, frame.constrained)):
         return given
-    first = derived(frozenset((q, each[-1]) for q, each in together.items()))
+    first = derived({q: each[-1] for q, each in together.items()})
     if known:
-        return min(given, first, derived(frozenset(known.items())), key=_terms)
+        return min(given, first, derived(known), key=_terms)
     while before is not first:
         before = first
         for q, references in together.items():
-            tried = [measured(first.algebra.measured_from, q, each) for each in references]
-            first = min((first, *(derived(frozenset(each.items())) for each in tried)), key=_terms)
+            tried = (derived(measured(first.algebra.measured_from, q, each)) for each in references)
+            first = min((first, *tried), key=_terms)
     return min(first, given, key=_terms)
 
 

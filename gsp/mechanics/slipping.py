@@ -175,6 +175,11 @@ class SlippingSystem(ABC):
         return self.limit.hamel
 
     @cached_property
+    def _drift(self) -> list[sp.Expr]:
+        """eta' without constraint force and friction."""
+        return self._equations.written(self._equations.force)
+
+    @cached_property
     @within_budget()
     def _split(self) -> tuple[dict, dict, dict]:
         rates, others = self._rates()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 import sympy as sp
@@ -77,24 +78,25 @@ def measured(measured_from: Values, q: sp.Symbol, reference: sp.Expr) -> dict[sp
     return after
 
 
+@lru_cache(maxsize=1)
 def _changes(
     system: LagrangianSystem, forms: sp.ImmutableMatrix
 ) -> tuple[list[sp.Symbol], list[tuple[int, int]], np.ndarray]:
     """(angles, pairs of the other coordinates, how M and A change by a turn of each, in columns of numbers)."""
-    coordinates, M, A = system.coordinates, system.raw_mass_matrix, forms
-    parts = [*entries(M), *entries(A)]
+    coordinates, M = system.coordinates, system.raw_mass_matrix
+    parts = [*entries(M), *entries(forms)]
     turning = set().union(*(f.free_symbols for e in parts for f in e.atoms(sp.sin, sp.cos)))
     angles = [q for q in coordinates if q in turning]
     pairs = list(itertools.combinations([i for i, q in enumerate(coordinates) if q not in turning], 2))
+    if not angles:
+        return [], [], np.zeros((0, 0))
     columns = [[sp.diff(e, q) for e in parts] for q in angles]
     for i, j in pairs:
         W = sp.zeros(len(coordinates), len(coordinates))
         W[i, j], W[j, i] = -1, 1
-        columns.append([*entries(M * W - W * M), *entries(A * W)])
+        columns.append([*entries(M * W - W * M), *entries(forms * W)])
     symbols = (*coordinates, *system.velocities, *system.clock)
     points = generic_points(3, len(symbols))
-    if not angles:
-        return [], [], np.zeros((0, 0))
     values = numbers([*itertools.chain(*columns)], symbols, points, system.values)
     rows = values.reshape(len(points), len(columns), len(parts)).transpose(0, 2, 1).reshape(-1, len(columns))
     # A generic point may be one where a metric is not real, as sqrt(1/4 - x^2) is.
