@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.switching_functions import switches
@@ -54,6 +55,30 @@ def explain(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Explan
     if status in (Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN):
         return Explanation("", remedy_of(status, stats))
     return Explanation(_pole(flow, p, record), status.remedy)
+
+
+def lost_below(flow: Flow, record: RunRecord, rtol: float, atol: float) -> Explanation:
+    """Of a run that reached its end: a state that grew from below atol, though its rate is 0 where the state is.
+
+    Nothing tells how small such a state was there, nor on which side, so nothing tells when it is large again.
+    """
+    states = record.states
+    small = np.sign(states[0]) * states <= atol
+    # What one step may be wrong by, as its error is a mean over all states.
+    allowed = np.sqrt(states.shape[1]) * (atol + rtol * np.abs(states).max(axis=0))
+    for i, state in enumerate(flow.states):
+        since = int(np.argmax(small[:, i]))
+        if not small[since, i] or np.abs(states[since:, i]).max() <= allowed[i]:
+            continue
+        slope = derivative(flow.rates[i], state).xreplace({state: sp.S.Zero})
+        # By a root two orbits meet, and one of them may go through.
+        if flow.rates[i].xreplace({state: sp.S.Zero}) == 0 and not slope.has(sp.nan, sp.zoo, sp.oo):
+            return Explanation(
+                f"{state} is smaller than atol = {atol:.3g} at t = {record.times[since]:.6g} and grows in "
+                "proportion to itself, so that when it is large again is not known",
+                f"give an atol below the least that {state} gets to, or take its logarithm for a state",
+            )
+    return Explanation("", "")
 
 
 def _backward(flow: Flow, p: np.ndarray, record: RunRecord, last: float) -> Explanation | None:

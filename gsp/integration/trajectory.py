@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.integration.clock_stops import clock_stops, stops_of
 from gsp.integration.events import NOT_MET, Crossings, Event, compile_events
+from gsp.integration.explanations import lost_below
 from gsp.integration.loop import (
     ALONE,
     NOBODY,
@@ -226,9 +227,12 @@ class Trajectory(Drawn, Tabular):
         """One line: how it ended, where, and what to do about it."""
         steps = f"{self.stats.steps} step" + ("" if self.stats.steps == 1 else "s")
         if self.status.ok:
-            return f"reached the end after {steps}: {self.end_in_words}"
-        head = f"stopped after {steps}: {self.status.name} at {self.end_in_words}"
-        return "; ".join(filter(None, (head, self._outcome.note, self._outcome.remedy)))
+            head, control = f"reached the end after {steps}: {self.end_in_words}", self._outcome.control
+            told = lost_below(self.flow, self._record, control.rtol, control.atol)
+        else:
+            head = f"stopped after {steps}: {self.status.name} at {self.end_in_words}"
+            told = self._outcome.note, self._outcome.remedy
+        return "; ".join(filter(None, (head, *told)))
 
     @property
     def end_in_words(self) -> str:

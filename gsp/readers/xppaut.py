@@ -39,7 +39,8 @@ NAMES = 4000
 _NUMBERS = ("total", "t0", "xlo", "xhi", "ylo", "yhi")
 # First letters of the methods that take the rates for a flow; with any other XPPAUT iterates them as a map.
 _FLOWS = "abceglmqrsvy258"
-_SETTING = re.compile(rf"({WORD})\s*=\s*([^\s,]+)")
+_SETTING = re.compile(rf"(?<![^ ,])({WORD})=([^ ,]+)")
+_SPACED = re.compile(r"[^ ,=]+(?: = ?|= )[^ ,]+")
 _VALUE = re.compile(rf"({WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")
 _TOKENS = re.compile(r"[a-z0-9_.]+|[^\sa-z0-9_.]")
 _SET = re.compile(rf"set\w* ({WORD}) ?\{{([^{{}}]*)\}}")
@@ -70,6 +71,7 @@ class _File:
     missing: dict[str, tuple[int, str]] = field(default_factory=dict)
     passed_over: dict[str, int] = field(default_factory=dict)
     shortened: list[str] = field(default_factory=list)
+    spaced: list[str] = field(default_factory=list)
 
 
 def read_ode(text: str) -> ForeignModel:
@@ -193,6 +195,7 @@ def _take(file: _File, number: int, statement: Statement) -> None:
             file.settings |= {
                 key: number_at(value) if key in _NUMBERS else value for key, value in found.items()
             }
+            file.shortened += [f"nothing of {words[:40]!r} (line {number})" for words in _SPACED.findall(text)]
         case LineKind.PARAMETERS:
             _assign(file, file.parameters, text, number, "a parameter")
         case LineKind.STARTS:
@@ -232,6 +235,7 @@ def _plain(name: str, taken: Collection[str]) -> str:
 
 def _assign(file: _File, table: dict[str, str], text: str, number: int, what: str) -> None:
     """Take name=value: of a value XPPAUT takes the number that it begins with, and a name alone has 0."""
+    file.spaced += [f"{words[:40]!r} (line {number})" for words in _SPACED.findall(text)]
     for name, value in pieces_of(text):
         if name[0] == "#":
             file.passed_over.setdefault(name, number)
@@ -363,6 +367,9 @@ def _take_notes(file: _File, model: ForeignModel, late: Mapping[str, str]) -> No
         )
     if file.shortened:
         model.notes.append("values that XPPAUT does not take as they stand: " + "; ".join(file.shortened)[:300])
+    if file.spaced:
+        words = ", ".join(file.spaced)[:300]
+        model.notes.append(f"values with a blank beside =, where XPPAUT 6 has 0 or stops: {words}")
     if file.passed_over:
         lines = ", ".join(f"{text[:40]!r} (line {number})" for text, number in file.passed_over.items())
         model.notes.append(f"lines that XPPAUT passes over: {lines[:300]}")

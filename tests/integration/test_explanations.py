@@ -140,3 +140,39 @@ def test_a_run_that_crosses_jumps_until_its_steps_are_used_up_is_not_said_to_sli
     run = integrate(field, start={"x": 1, "v": 0}, span=(0, 1e4), max_steps=500)
     assert run.status is Status.TOO_MANY_STEPS
     assert "both sides" not in run.message
+
+
+LIGHT, GAIN, LOSS = sp.symbols("I D B")
+
+
+@pytest.mark.parametrize("method", ["radau13", "dop853"])
+def test_a_state_that_grows_again_from_below_atol_is_told_though_the_run_reaches_its_end(method: str) -> None:
+    # A laser with an absorber is dark between its pulses, down to 1e-32: at I = 1e-10 it is lost, and with it
+    # when the next pulse comes. Nothing was said.
+    laser = VectorField(
+        states={
+            LIGHT: (GAIN - LOSS - 1) * LIGHT,
+            GAIN: (sp.Rational(17, 2) - GAIN * (1 + LIGHT)) / 50,
+            LOSS: (sp.Rational(24, 5) - LOSS * (1 + 9 * LIGHT / 5)) / 10,
+        },
+        epsilon=None,
+    )
+    start = {"I": 1e-3, "D": 4, "B": 4}
+    wrong = integrate(laser, start=start, span=(0, 600), rtol=1e-6, method=method)
+    assert wrong.status is Status.SUCCESS
+    assert wrong["I"].min() < -1.0
+    assert "I is smaller than atol = 1e-10 at t = " in wrong.message
+    assert "when it is large again is not known; give an atol below the least that I gets to" in wrong.message
+    right = integrate(laser, start=start, span=(0, 600), rtol=1e-9, atol=1e-40, method=method)
+    assert right.message == f"reached the end after {right.stats.steps} steps: {right.end_in_words}"
+    # Of the logarithm of I at 1e-12, by LSODA.
+    assert right["D"][-1] == pytest.approx(4.81906, rel=1e-5)
+
+
+def test_a_state_that_may_pass_zero_or_stays_small_is_not_told() -> None:
+    # Along y = -(t - 2)^2 sgn(t - 2)/4 the rate is 0 at y = 0 too, which is passed; x decays to 1e-41.
+    field = VectorField(states={x: -1000 * x, y: -sp.sqrt(sp.Abs(y)), v: -y}, epsilon=None)
+    run = integrate(field, start={"x": 1, "y": 1, "v": 1}, span=(0, 4), method="radau9", rtol=1e-6)
+    assert run["x"].min() < 1e-30
+    assert run["y"][-1] == pytest.approx(-1, rel=1e-4)
+    assert run.message == f"reached the end after {run.stats.steps} steps: {run.end_in_words}"

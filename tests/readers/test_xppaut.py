@@ -375,3 +375,29 @@ def test_a_comment_in_another_encoding_is_no_hindrance(tmp_path: Path) -> None:
 def test_what_a_setting_begins_with_is_its_number(tmp_path: Path) -> None:
     (tmp_path / "m.ode").write_text("x'=-x\ninit x=1\n@ total=30; t0=0\ndone\n")
     assert gsp.load(tmp_path / "m.ode").span == (0.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    "setting", ["total = 1", "total= 1", "total =1", "dt=.1,total= 1", "total=1, t0= 2", "total=1 , dt=.1"]
+)
+def test_a_setting_with_a_blank_beside_its_sign_is_none(setting: str) -> None:
+    """x' = 1 from 0: the last row of XPPAUT's run is the span."""
+    text = f"x'=1\ny'=-y\ninit x=0\n@ {setting}\ndone\n"
+    rows, _ = xppaut.run(text)
+    model = read_ode(text)
+    assert rows[-1, 1] == pytest.approx(float(model.total), rel=1e-6)
+    assert ("nothing of" in " ".join(model.notes)) == ("= " in setting or " =" in setting)
+
+
+def test_a_method_with_a_blank_beside_its_sign_makes_no_map() -> None:
+    """x' = 1 from 0 is at 3 after a time of 3, and as a map at 1."""
+    text = "x'=1\ninit x=0\n@ meth= discrete,total=3\ndone\n"
+    rows, _ = xppaut.run(text)
+    assert rows[-1, 1] == pytest.approx(3.0)
+    assert list(read_ode(text).states) == ["x"]
+
+
+def test_a_blank_beside_the_sign_of_a_value_is_told() -> None:
+    model = read_ode("par g= 3, h=2\nx'=-g*x+h\ninit x = 1\n@ total=1\ndone\n")
+    assert model.parameters == {"g": "3", "h": "2"}
+    assert "XPPAUT 6 has 0 or stops: 'g= 3' (line 1), 'x = 1' (line 3)" in " ".join(model.notes)
