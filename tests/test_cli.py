@@ -2,6 +2,7 @@
 
 import gc
 import json
+import math
 import re
 import subprocess
 import sys
@@ -550,6 +551,22 @@ def test_a_reduced_run_tells_that_its_series_is_past_its_best_order_and_its_star
     assert "best order" not in run("run", str(file), "--order", "3", "--epsilon", "0.01").stderr
     # What is reconstructed has a base point too, and is no variable of the series.
     assert "best order" not in run("run", "chaplygin_sleigh", "--order", "1").stderr
+
+
+def test_a_run_takes_the_tolerances_that_its_message_advises(tmp_path) -> None:
+    # An allele that is rare, down to 1e-24, and spreads when its selection turns round:
+    # x = 1/(1 + 99 e^(50 - (t - 10)^2/2)).
+    file = tmp_path / "allele.toml"
+    file.write_text(
+        '[states]\nx = "(s - 10)*x*(1 - x)"\ns = 1\n[start]\nx = 0.01\ns = 0\n[scene]\nspan = [0, 20.5]\n'
+    )
+    exact = 1 / (1 + 99 * math.exp(50 - 10.5**2 / 2))
+    assert "give an atol below the least that x gets to" in run("run", str(file)).output
+    told = run("run", str(file), "--atol", "1e-30", "--rtol", "1e-10", "--json")
+    assert json.loads(told.output)["variables"]["x"]["values"][-1] == pytest.approx(exact, rel=1e-6)
+    assert "atol" not in run("run", str(file), "--atol", "1e-30").output
+    with pytest.raises(DeclarationError, match="atol is a finite number, positive"):
+        run("run", str(file), "--atol", "0")
 
 
 def test_a_reduced_run_on_an_implicit_branch_is_told_in_the_variables_that_were_asked_about() -> None:

@@ -49,7 +49,8 @@ def split(scene: Scene, as_json: bool) -> None:
             }
         )
         return
-    lines = [splitting.explain()] if splitting is not None else ["Declared in standard form."]
+    declared = "Declared in standard form." + f"\n{scene.description}" * bool(scene.description)
+    lines = [declared if splitting is None else splitting.explain()]
     lines += [f"Conserved: {x}, for {x}' = 0." for x in still if splitting is None]
     lines += [f"Conserved: {law}{where}." for law, where in sums.items()]
     tell("\n".join(lines) + "\n")

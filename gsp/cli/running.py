@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,9 +24,20 @@ ENDINGS = (".csv", ".json")
 @cli.command()
 @asks("set", "epsilon", "region", "start", "small", "fast")
 @click.option("--order", type=int, help="Run the reduced flow of this order instead of the full system.")
+@click.option("--rtol", type=float, help="Relative error of a step [1e-8].")
+@click.option(
+    "--atol", type=float, help="Absolute error of a step [that of rtol in the smallest state, or less]."
+)
 @output_option("File for the values, .csv or .json [not written].")
 @json_option
-def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> None:
+def run(
+    scene: Scene,
+    order: int | None,
+    rtol: float | None,
+    atol: float | None,
+    output: Path | None,
+    as_json: bool,
+) -> None:
     """Run MODEL over its time span: the full system, or with --order a reduced flow.
 
     The full system starts at the model's start. A reduced flow of order N starts at the base point of the start: the
@@ -40,13 +51,13 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
         found = found_small(scene, needed=True).taken
         assert found is not None
         scene = found.scene
-    atol = absolute_tolerance(RTOL, scene.region, scene.full_start)
+    rtol = RTOL if rtol is None else rtol
+    atol = absolute_tolerance(rtol, scene.region, scene.full_start) if atol is None else atol
     with progress_bar("run") as show:
+        options: Any = {"rtol": rtol, "atol": atol, "options": RunOptions(progress=show)}
         if order is None:
             flow, start, span, epsilon = scene.setting(None, None, None)
-            found = trajectory_of(
-                flow, start, span, epsilon, rtol=RTOL, atol=atol, options=RunOptions(progress=show)
-            )
+            found = trajectory_of(flow, start, span, epsilon, **options)
         else:
             from gsp.scenes.study import study_of
 
@@ -69,9 +80,7 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
                 start=base,
                 span=study.scene.span,
                 epsilon=study.scene.epsilon,
-                rtol=RTOL,
-                atol=atol,
-                options=RunOptions(progress=show),
+                **options,
             )
     _give(found, output, as_json)
 

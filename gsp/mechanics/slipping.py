@@ -119,8 +119,9 @@ class SlippingSystem(ABC):
         `start` gives raw velocities, or quasi-velocities, and positions; reconstructed positions start at 0
         unless given. `region` bounds states of `field`. The scene is about `field` where `gsp.split` splits it,
         else about `standard_form`, with the region's image, the other quasi-velocities among its
-        observables. `observables` are further ones in the states of `field`, as `{H: system.energy()}`. Raises
-        `DeclarationError` where a damping that depends on positions is not positive definite in the region.
+        observables. `observables` are further ones in the states of `field`, as `{H: system.energy()}`. Without a
+        `description` the scene says what its velocities and momenta are. Raises `DeclarationError` where a damping that
+        depends on positions is not positive definite in the region.
         """
         states, positions = frame_values(self.system, self.frame, self.field, self.reconstruction, start)
         field = self.field
@@ -132,7 +133,7 @@ class SlippingSystem(ABC):
             observables=observables,
         )
         box: Mapping = region
-        reconstruction = dict(self.reconstruction)
+        reconstruction, new = dict(self.reconstruction), {}
         if not self.has_constant_fibres:
             bounds = check_region(region, [s.name for s in (*self.field.states, *self.standard_form.states)])
             inverse = dict(self.splitting.inverse)
@@ -140,7 +141,7 @@ class SlippingSystem(ABC):
             standard = self.standard_form
             system = replace(standard, observables={**standard.observables, **given})
             box = new_region(self.splitting, bounds)
-            states = self.splitting.to_new(states)
+            states, new = self.splitting.to_new(states), self.splitting.coordinates
             reconstruction = {q: _put(rate, inverse) for q, rate in reconstruction.items()}
         scene = Scene(
             system,
@@ -153,7 +154,7 @@ class SlippingSystem(ABC):
             name=name,
             title=title,
             source=source,
-            description=description,
+            description=description or _told({**new, **self.quasi_velocities}),
             reconstruction=reconstruction,
             reconstruction_start=positions,
             path=path,
@@ -201,6 +202,11 @@ class SlippingSystem(ABC):
         lines += [f"  {u} = {e}" for u, e in self.quasi_velocities.items()]
         lines += [f"  {q}' = {rate}" for q, rate in self.reconstruction.items()]
         return "\n".join(lines)
+
+
+def _told(values: Mapping[sp.Symbol, sp.Expr]) -> str:
+    """What the symbols are that are no names for themselves."""
+    return "; ".join(f"{symbol} = {e}" for symbol, e in values.items() if symbol != e)
 
 
 def _put(expression: Any, values: Mapping[sp.Symbol, sp.Expr]) -> Any:

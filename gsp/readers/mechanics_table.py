@@ -58,8 +58,8 @@ EQUATIONS = ("slow", "fast", "states")
 WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
-def with_equations(document: dict, name: str) -> tuple[dict, Contacts | None]:
-    """The document with the equations of its `[mechanics]` in their place, and the contacts with dry friction.
+def with_equations(document: dict, name: str) -> tuple[dict, Contacts | None, str]:
+    """The document with the equations of its `[mechanics]` in their place, the contacts, and what its states are.
 
     Raises `ModelFileError`.
     """
@@ -103,8 +103,8 @@ class _Mechanics:
         })  # fmt: skip
         self.definitions: Definitions = read_definitions(values.table(document, "definitions"), self.symbols)
 
-    def document(self) -> tuple[dict, Contacts | None]:
-        """The file with its equations written out, and what its contacts bear."""
+    def document(self) -> tuple[dict, Contacts | None, str]:
+        """The file with its equations written out, what its contacts bear, and what its velocities and momenta are."""
         scene = self._scene()
         system = scene.system
         tables: dict[str, Any] = (
@@ -128,7 +128,11 @@ class _Mechanics:
         }
         tables["definitions"] = _without(values.table(self.whole, "definitions"), set(self.symbols) - left)
         kept = {key: value for key, value in self.whole.items() if key not in ("mechanics", "definitions")}
-        return {**kept, **{key: table for key, table in tables.items() if table}}, scene.contacts
+        return (
+            {**kept, **{key: table for key, table in tables.items() if table}},
+            scene.contacts,
+            scene.description,
+        )
 
     def _scene(self) -> Scene:
         table, symbols = self.table, self.symbols

@@ -198,7 +198,9 @@ def scene_of(document: dict, file: Path) -> Scene:
     document, second = values.small(document)
     contacts = None
     if "mechanics" in document:
-        document, contacts = with_equations(document, name)
+        document, contacts, meanings = with_equations(document, name)
+        if len(meanings) <= TEXT["description"]:
+            texts["description"] = texts["description"] or meanings
     tables = {key: values.table(document, key) for key in _TABLES}
     scene = tables["scene"]
     if isinstance(scene.get("epsilon"), str) and scene["epsilon"] in tables["parameters"]:

@@ -12,6 +12,7 @@ import sympy as sp
 
 from gsp import models
 from gsp.errors import GspError
+from gsp.readers.expressions import parse_expression
 from gsp.readers.toml import read_model
 from gsp.readers.writing import as_toml
 from gsp.scenes.study import study
@@ -91,6 +92,44 @@ def test_viscous_friction_gives_the_scene_that_python_gives() -> None:
         found = scene.system.equations[z].xreplace({sp.Symbol("J"): sp.Symbol("I")})
         assert sp.simplify(found - rate) == 0, z
     assert values["a"] == sp.Rational(1, 5)
+
+
+def test_a_scene_says_what_its_velocities_and_momenta_are() -> None:
+    """A blade that slides along its body: what is said gives the start that the scene has, from the file's."""
+    text = """
+    [mechanics]
+    lagrangian = "(xdot^2 + ydot^2 + thdot^2 + sdot^2 - s^2)/2"
+    coordinates = ["x", "y", "th", "s"]
+    constraints = ["ydot*cos(th) - xdot*sin(th) + s*thdot"]
+    [region]
+    s = [-1, 1]
+    u1 = [-2, 2]
+    thdot = [-3, 3]
+    sdot = [-1, 1]
+    w = [-1, 1]
+    [start]
+    x = 0
+    y = 0
+    th = 0.3
+    s = 0.2
+    xdot = 0.5
+    ydot = 0.1
+    thdot = 0.7
+    sdot = 0.4
+    [scene]
+    span = [0, 2]
+    epsilon = 0.01
+    """
+    scene = read_model(text, name="blade")
+    values = tomllib.loads(text)["start"]
+    for sentence in sorted(scene.description.split("; "), key=lambda said: said.startswith("p")):
+        name, formula = sentence.split(" = ")
+        values[name] = parse_expression(formula, symbols={key: sp.Symbol(key) for key in values}).xreplace(
+            {sp.Symbol(key): value for key, value in values.items()}
+        )
+    assert {"u1", "p", "w"} <= set(values)
+    assert scene.start == pytest.approx({name: float(values[name]) for name in scene.start})
+    assert read_model('description = "Mine."\n' + text, name="blade").description == "Mine."
 
 
 def test_names_of_slips_pairs_forces_and_time_are_read() -> None:
