@@ -40,7 +40,7 @@ _NUMBERS = ("total", "t0", "xlo", "xhi", "ylo", "yhi")
 # First letters of the methods that take the rates for a flow; with any other XPPAUT iterates them as a map.
 _FLOWS = "abceglmqrsvy258"
 _SETTING = re.compile(rf"(?<![^ ,])({WORD})=([^ ,]+)")
-_SPACED = re.compile(r"[^ ,=]+(?: = ?|= )[^ ,]+")
+_SPACED = re.compile(r"(?<![^ ,=])[^ ,=]+(?: = ?|= )[^ ,]+")
 _VALUE = re.compile(rf"({WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")
 _TOKENS = re.compile(r"[a-z0-9_.]+|[^\sa-z0-9_.]")
 _SET = re.compile(rf"set\w* ({WORD}) ?\{{([^{{}}]*)\}}")
