@@ -55,14 +55,15 @@ def independent_columns(matrix: flint.fmpq_mat, order: Sequence[int]) -> list[in
 
 def numbers_at(matrix: sp.Matrix, point: Mapping[sp.Symbol, sp.Expr]) -> list[list[sp.Expr]] | None:
     """The matrix at a point to `DIGITS` digits, rationals exactly; None where an entry has no value."""
-    values = [
-        [_number(substituted(matrix[i, j], point)) for j in range(matrix.cols)] for i in range(matrix.rows)
-    ]
+    inexact = {s: sp.Float(value, DIGITS) for s, value in point.items()}
+
+    def number(entry: sp.Expr) -> sp.Expr:
+        value = substituted(entry, point)
+        # Worked out from below: parts that an entry shares with itself are, too.
+        return value if value.is_Rational else sp.N(substituted(entry, inexact), DIGITS)
+
+    values = [[number(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)]
     return values if all(value.is_finite for row in values for value in row) else None
-
-
-def _number(value: sp.Expr) -> sp.Expr:
-    return value if value.is_Rational else sp.N(value, DIGITS)
 
 
 def independent_rows(values: Sequence[Sequence[sp.Expr]]) -> list[int]:

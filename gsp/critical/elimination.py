@@ -141,7 +141,8 @@ def _eliminate(
         rest = [_replaced(e, y, value) for i, e in enumerate(equations) if i != place]
         here = (*equations, *(symbol - known[symbol] for symbol in known))
         bits = sum(map(_bits, known.values())) + _bits(value)
-        if bits > BIT_LIMIT or _terms(rest) > max(FACTOR_TERMS, _terms(equations)):
+        # About ten operations a term; exponentials of long arguments have more.
+        if bits > BIT_LIMIT or _operations(rest) > max(10 * FACTOR_TERMS, _operations(equations)):
             yield here, None
             return
         below = list(_branching(rest, {**known, y: value}, system, found))
@@ -176,10 +177,6 @@ def _count(equation: sp.Expr) -> int:
 @lru_cache(maxsize=4096)
 def _bits(value: sp.Expr) -> int:
     return sum(number.p.bit_length() + number.q.bit_length() for number in value.atoms(sp.Rational))
-
-
-def _terms(equations: Sequence[sp.Expr]) -> int:
-    return sum(len(sp.Add.make_args(equation)) for equation in equations)
 
 
 def _linear_step(equations: Sequence[sp.Expr], remaining: Sequence[sp.Symbol], system: SlowFastSystem):
@@ -286,7 +283,7 @@ def _quadratic(row: Sequence[sp.Expr], discriminant: sp.Expr, system: SlowFastSy
     root = _square_root(discriminant)
     if not a.has(*system.x) and not _is_zero_at_values(a, system):
         return [_shortest((-b + sign * root) / (2 * a)) for sign in (1, -1)]
-    at_values = b.subs(dict(system.parameters))
+    at_values = substituted(b, system.parameters)
     if not at_values.is_number or at_values == 0:
         return None
     # The root with -b and sqrt(D) of one sign is the one that goes to infinity; it has no place without a.
@@ -312,7 +309,7 @@ def _shortest(expression: sp.Expr) -> sp.Expr:
 
 
 def _is_zero_at_values(expression: sp.Expr, system: SlowFastSystem) -> bool:
-    return expression.subs(dict(system.parameters)) == 0
+    return substituted(expression, system.parameters) == 0
 
 
 def _has_no_zero(equation: sp.Expr, system: SlowFastSystem) -> bool:
@@ -320,7 +317,7 @@ def _has_no_zero(equation: sp.Expr, system: SlowFastSystem) -> bool:
     polynomial = _polynomial(equation, system)
     if polynomial is None:
         real = {s: sp.Dummy(real=True) for s in system.states}
-        return bool(equation.subs(dict(system.parameters)).xreplace(real).is_nonzero)
+        return bool(substituted(equation, system.parameters).xreplace(real).is_nonzero)
     constant = polynomial.coeff_monomial(1)
     if constant != 0 and (_has_sign(polynomial, 1) or _has_sign(polynomial, -1)):
         return True
@@ -340,7 +337,7 @@ def _is_nowhere_positive(expression: sp.Expr, system: SlowFastSystem) -> bool:
 
 def _polynomial(expression: sp.Expr, system: SlowFastSystem) -> sp.Poly | None:
     """`expression` at the parameters' values as a polynomial in the states over the rationals, or None."""
-    found = quotient(expression.subs(dict(system.parameters)))
+    found = quotient(substituted(expression, system.parameters))
     if found is None or not found.denominator.is_constant() or not set(found.atoms) <= set(system.states):
         return None
     polynomial = found.expression(found.numerator)

@@ -36,7 +36,7 @@ from gsp.slow.expansion import Expansion
 from gsp.slow.run_series import run_series
 from gsp.slow.series import LONGEST, SeriesManifold, length, series_of
 from gsp.splitting.scaling import Scaling
-from gsp.splitting.splitting import Splitting, has_higher_pole, split
+from gsp.splitting.splitting import NON_STANDARD, Splitting, has_higher_pole, split
 from gsp.splitting.switches import Switch, has_switches
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import check_epsilon, check_order
@@ -327,8 +327,8 @@ class Study(Card):
         splitting = replace(split(scene.system), switches=self.switches, scaling=self.scaling)
         if splitting.system is None:
             raise SplittingError(
-                f"the field of {scene.name or 'this scene'} has no standard form: {splitting.explain()} "
-                "Declare it in slow and fast variables, or use split(field).reduced_field for the leading order."
+                f"the field of {scene.name or 'this scene'} has no standard form. {NON_STANDARD}.",
+                "Declare it in slow and fast variables, or use split(field).reduced_field for the leading order.",
             )
         return splitting
 

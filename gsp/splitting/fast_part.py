@@ -8,6 +8,7 @@ import sympy as sp
 from sympy.polys.domains import EXRAW
 from sympy.polys.matrices import DomainMatrix
 
+from gsp.algebra.brevity import brief
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.elimination_over_rationals import (
     connected_parts,
@@ -190,4 +191,4 @@ def tidy(expression: sp.Expr) -> sp.Expr:
 
 
 def shown(field: VectorField, layer: Sequence[sp.Expr]) -> str:
-    return ", ".join(f"{z}' = ({e})/{field.epsilon}" for z, e in zip(field.states, layer) if e != 0)
+    return ", ".join(f"{z}' = ({brief(e)})/{field.epsilon}" for z, e in zip(field.states, layer) if e != 0)

@@ -51,6 +51,11 @@ from gsp.systems.arguments import check_noun
 from gsp.systems.flow import values_by_name
 from gsp.systems.system import SlowFastSystem, VectorField
 
+NON_STANDARD = (
+    "No full set of first integrals of the layer problem z' = N f was found (linear, polynomial to degree 3, one "
+    "quadrature)"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Splitting(Card):
@@ -141,8 +146,7 @@ class Splitting(Card):
         lines += [f"  f = {brief_list(self.layer)}", f"  N = [{rows}]"]
         if self.system is None:
             lines.append(
-                "No full set of first integrals of the layer problem z' = N f was found (linear, polynomial to "
-                "degree 3, one quadrature), so the system stays non-standard. The leading-order reduced field is "
+                f"{NON_STANDARD}, so the system stays non-standard. The leading-order reduced field is "
                 f"Pi G = {brief_list(self.reduced_field)} on {{f = 0}}."
             )
             return "\n".join(lines)

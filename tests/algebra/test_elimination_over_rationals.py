@@ -5,9 +5,12 @@ from __future__ import annotations
 import random
 
 import flint
+import mpmath
 import pytest
+import sympy as sp
 
-from gsp.algebra.elimination_over_rationals import connected_parts, independent_columns
+from gsp.algebra.elimination_over_rationals import connected_parts, independent_columns, numbers_at
+from gsp.algebra.sharing import plus, reciprocal, times
 
 
 def matrix_of(rows: int, columns: int, share: float, seed: int) -> flint.fmpq_mat:
@@ -41,3 +44,18 @@ def test_parts_have_every_row_and_column_once_and_no_entry_between_them() -> Non
     part |= {("column", j): k for k, (_, columns) in enumerate(parts) for j in columns}
     assert all(part["row", i] == part["column", j] for i, j in places)
     assert len(parts) == 5
+
+
+def test_an_entry_has_its_number_to_most_digits_and_a_rational_one_exactly() -> None:
+    """e = exp(-x) e + 1/(e + 1), six times over."""
+    x = sp.Symbol("x")
+    entry = x
+    with mpmath.workdps(60):
+        at = value = mpmath.mpf(5) / 17
+        for _ in range(6):
+            entry = plus([times(sp.exp(-x), entry), reciprocal(plus([entry, sp.S.One]))])
+            value = mpmath.exp(-at) * value + 1 / (value + 1)
+        found = numbers_at(sp.Matrix([[entry, x]]), {x: sp.Rational(5, 17)})
+        assert found is not None
+        assert found[0][1] == sp.Rational(5, 17)
+        assert abs(mpmath.mpf(str(found[0][0])) / value - 1) < mpmath.mpf(10) ** -40
