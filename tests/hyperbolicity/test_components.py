@@ -85,3 +85,21 @@ def test_only_a_slow_flow_that_turns_puts_folded_singularities_on_folds_and_not_
     ]
     assert fold.samples == len(along)
     assert fold.note == expected
+
+
+@pytest.mark.parametrize("beside", [1e-4, -1e-4])
+def test_a_double_zero_is_told_where_it_is_and_not_at_a_fold_beside_it_that_looks_like_one(
+    beside: float,
+) -> None:
+    z = sp.Symbol("z")
+    system = SlowFastSystem(
+        slow={x: sp.Integer(1), u: sp.Integer(1)}, fast={y: z, z: x + u * z + y**2 + 3 * y * z}, epsilon=eps
+    )
+    samples = np.array([[-(b**2), a, b, 0.0] for a in np.linspace(-1, 1, 5) for b in np.linspace(-1, 1, 5)])
+    diagnosis = Diagnosis(
+        Sampler(solve_critical(system).branches[0]), {"x": (-1.0, 1.0), "u": (-1.0, 1.1)}, 3.0, samples
+    )
+    places = [np.array([0.0, t, 0.0, 0.0]) for t in (-0.5, beside, 0.5)]
+    losses = named_losses(diagnosis, [Found(place, Contact.ZERO) for place in places])
+    (double,) = [loss for loss in losses if loss.kind is LossKind.BOGDANOV_TAKENS]
+    assert double.point["u"] == pytest.approx(0.0, abs=1e-9)

@@ -108,7 +108,7 @@ def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Los
             _represented(diagnosis, [losses[i] for i in members], z[members] / scales, turns[members])
         )
     own = [loss for loss in losses if isolated and loss.kind not in (LossKind.FOLD, LossKind.HOPF)]
-    kept = [loss for loss in _distinct(diagnosis, [*own, *special]) if loss.kind is not result[0].kind]
+    kept = [loss for loss in _distinct(diagnosis, [*special, *own]) if loss.kind is not result[0].kind]
     return [*result, *(_ranged(diagnosis, [loss]) for loss in kept)]
 
 
