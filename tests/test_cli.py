@@ -6,6 +6,7 @@ import math
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -39,6 +40,18 @@ def test_help_names_every_command() -> None:
     text = run("--help").output
     for command in ("models", "split", "expand", "check", "folds", "run", "compare", "report", "demo"):
         assert command in text
+
+
+def test_the_page_of_options_names_the_commands_that_have_them() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "command-line.md").read_text()
+    rows = re.findall(r"^\| `(--\w+)[^|]*\|[^|]*\| (all|)([^|]*)\|$", page, re.MULTILINE)
+    assert len(rows) == 9
+    for option, is_all, text in rows:
+        named = set(re.findall(r"`(\w+)`", text))
+        having = {
+            name for name, command in cli.commands.items() if any(option in p.opts for p in command.params)
+        }
+        assert having == (set(cli.commands) - named if is_all else named), option
 
 
 def test_models_lists_the_scenes_as_text_and_json() -> None:

@@ -41,3 +41,65 @@ def test_a_cusp_is_told_where_folds_lie_on_both_sides_and_where_it_was_located_i
     for cusp in others:
         assert "samples of it" not in cusp.headline
         assert [cusp.point[name] for name in "xuy"] == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+TURNS = "the slow flow changes its direction across it: folded singularities lie on it"
+
+
+@pytest.mark.parametrize(
+    ("slow", "rate", "sign", "expected"),
+    [
+        ({x: 1, u: sp.Rational(1, 2)}, x + u * y - y**3, 1, "kappa changes its sign at a cusp on it"),
+        ({x: 1, u: sp.Rational(1, 2)}, x + u * y - y**3, -1, "kappa changes its sign at a cusp on it"),
+        ({x: y, u: 0}, x + u * y - y**3, 1, TURNS),
+        (
+            {x: u - sp.Rational(1, 2), u: 0},
+            x + u * y - y**3,
+            1,
+            f"{TURNS}; kappa changes its sign at a cusp on it",
+        ),
+        ({x: u, u: 1}, x + y**2, 1, TURNS),
+        ({x: 1, u: u}, x + y**2, 1, ""),
+    ],
+)
+def test_only_a_slow_flow_that_turns_puts_folded_singularities_on_folds_and_not_a_cusp(
+    slow: dict, rate: sp.Expr, sign: int, expected: str
+) -> None:
+    system = SlowFastSystem(slow=slow, fast={y: sign * rate}, epsilon=eps)
+    samples = np.array(
+        [
+            [-float(rate.subs({x: 0, u: a, y: b})), a, b]
+            for a in np.linspace(-1, 1, 5)
+            for b in np.linspace(-1, 1, 5)
+        ]
+    )
+    diagnosis = Diagnosis(
+        Sampler(solve_critical(system).branches[0]), {"x": (-1.0, 1.0), "u": (-1.0, 1.1)}, 3.0, samples
+    )
+    along = np.array([-0.5, -0.3, 0.2, 0.45])
+    places = [np.array([0.0, t, 0.0]) for t in along] if rate.has(y**2) else [on_the_curve(t) for t in along]
+    (fold,) = [
+        loss
+        for loss in named_losses(diagnosis, [Found(place, Contact.ZERO) for place in places])
+        if loss.kind is LossKind.FOLD
+    ]
+    assert fold.samples == len(along)
+    assert fold.note == expected
+
+
+@pytest.mark.parametrize("beside", [1e-4, -1e-4])
+def test_a_double_zero_is_told_where_it_is_and_not_at_a_fold_beside_it_that_looks_like_one(
+    beside: float,
+) -> None:
+    z = sp.Symbol("z")
+    system = SlowFastSystem(
+        slow={x: sp.Integer(1), u: sp.Integer(1)}, fast={y: z, z: x + u * z + y**2 + 3 * y * z}, epsilon=eps
+    )
+    samples = np.array([[-(b**2), a, b, 0.0] for a in np.linspace(-1, 1, 5) for b in np.linspace(-1, 1, 5)])
+    diagnosis = Diagnosis(
+        Sampler(solve_critical(system).branches[0]), {"x": (-1.0, 1.0), "u": (-1.0, 1.1)}, 3.0, samples
+    )
+    places = [np.array([0.0, t, 0.0, 0.0]) for t in (-0.5, beside, 0.5)]
+    losses = named_losses(diagnosis, [Found(place, Contact.ZERO) for place in places])
+    (double,) = [loss for loss in losses if loss.kind is LossKind.BOGDANOV_TAKENS]
+    assert double.point["u"] == pytest.approx(0.0, abs=1e-9)

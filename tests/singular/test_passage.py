@@ -318,6 +318,23 @@ def test_a_linear_rate_gives_back_the_entry() -> None:
     assert found.depth == pytest.approx(0.245, abs=1e-13)
 
 
+@pytest.mark.parametrize("end", [0.5, 0.97, 1.3])
+@pytest.mark.parametrize("by_region", [True, False])
+def test_what_lies_behind_the_end_of_the_search_is_not_told(end: float, by_region: bool) -> None:
+    # Phi(y) = (y - 1)^2/2 - 2 from y = -1 on: its least value is at the loss, y = 1.
+    sheet, start = branch(system({y: 1}, {x: (y - 1) * x})), {"y": -1}
+    found = (
+        entry_exit(sheet, start=start, region={"y": (-2, end)})
+        if by_region
+        else entry_exit(sheet, start=start, longest=end + 1.0)
+    )
+    assert found.kind is ExitKind.NONE
+    assert found.point["y"] == pytest.approx(end, abs=1e-9)
+    assert [loss.t for loss in found.losses] == ([pytest.approx(2.0)] if end > 1.0 else [])
+    assert found.depth == pytest.approx(2.0 - (min(end, 1.0) - 1.0) ** 2 / 2.0, abs=1e-9)
+    assert ("Phi has not come back" if end > 1.0 else "no loss of stability was met") in found.message
+
+
 def test_a_quadratic_rate_gives_the_root_of_its_cubic() -> None:
     found = entry_exit(branch(system({y: 1}, {x: (y + y**2) * x})), start={"y": -0.5})
     assert found.point["y"] == pytest.approx((math.sqrt(3) - 1) / 2, abs=1e-13)

@@ -7,12 +7,11 @@ points are located and named by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from sympy.utilities.iterables import connected_components
 
 from gsp.critical.layer_problem import least_norm_newton
 from gsp.critical.loss_kind import LossKind
@@ -85,28 +84,39 @@ def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Los
     kind = losses[0].kind
     of = bialternate if losses[0].crossing is Contact.PAIR else identity
     isolated = kind in FOLDS or kind is LossKind.HOPF
-    joined: list[tuple[int, int]] = []
+    part, turns = np.arange(len(z)), np.ones(len(z))
     special: list[Loss] = []
     for i, j, distance in _spanning_tree(z / scales):
+        turn = 1.0
         if isolated:
             chain = _chain(diagnosis, of, z[i], z[j], scales, HALVINGS)
             if chain is None:
                 continue
             if kind in FOLDS:
-                special += _special_points(diagnosis, [z[i], *chain, z[j]], scales)
+                folds = [z[i], *chain, z[j]]
+                special += _special_points(diagnosis, folds, scales)
+                turn = _turn(diagnosis, folds)
         elif distance > NEAR_BRANCH_POINTS:
             continue
-        joined.append((i, j))
+        beyond = part == part[j]
+        turns[beyond] *= turn * turns[i] * turns[j]
+        part[beyond] = part[i]
     result = []
-    for members in _parts(joined, len(z)):
-        result.append(_represented(diagnosis, [losses[i] for i in members], z[members] / scales))
+    for first in dict.fromkeys(part.tolist()):
+        members = np.flatnonzero(part == first)
+        result.append(
+            _represented(diagnosis, [losses[i] for i in members], z[members] / scales, turns[members])
+        )
     own = [loss for loss in losses if isolated and loss.kind not in (LossKind.FOLD, LossKind.HOPF)]
-    kept = [loss for loss in _distinct(diagnosis, [*own, *special]) if loss.kind is not result[0].kind]
+    kept = [loss for loss in _distinct(diagnosis, [*special, *own]) if loss.kind is not result[0].kind]
     return [*result, *(_ranged(diagnosis, [loss]) for loss in kept)]
 
 
-def _represented(diagnosis: Diagnosis, losses: list[Loss], places: np.ndarray) -> Loss:
-    """One loss that stands for its part: a typical one; what differs along the part is noted."""
+def _represented(diagnosis: Diagnosis, losses: list[Loss], places: np.ndarray, turns: np.ndarray) -> Loss:
+    """One loss that stands for its part: a typical one; what differs along the part is noted.
+
+    `turns` are the signs of the losses' left null vectors, <l, r> = 1, against one that is followed along the part.
+    """
     usual = [i for i, loss in enumerate(losses) if loss.kind in (LossKind.FOLD, LossKind.HOPF)]
     usual = usual or list(range(len(losses)))
     speeds = [
@@ -119,17 +129,29 @@ def _represented(diagnosis: Diagnosis, losses: list[Loss], places: np.ndarray) -
         middle = min(usual, key=lambda i: distances[i])
     chosen = losses[middle]
     notes = [chosen.note] if chosen.note else []
-    for name, what in (
-        ("switching", "the slow flow changes its direction across it: folded singularities lie on it"),
-        ("l1", "l1 changes its sign along it: a generalised Hopf point lies on it"),
+    folds = [(loss.coefficients, turn) for loss, turn in zip(losses, turns) if "switching" in loss.coefficients]
+    if _changes_sign(known["switching"] * turn for known, turn in folds):
+        notes.append("the slow flow changes its direction across it: folded singularities lie on it")
+    if _changes_sign(known["a"] * turn for known, turn in folds) and _changes_sign(
+        known["kappa"] for known, _ in folds
     ):
-        values = [loss.coefficients[name] for loss in losses if name in loss.coefficients]
-        if name == "switching":
-            values = [loss.coefficients.get("kappa", 0.0) for loss in losses if name in loss.coefficients]
-        if values and min(values) < 0.0 < max(values):
-            notes.append(what)
+        notes.append("kappa changes its sign at a cusp on it")
+    if _changes_sign(loss.coefficients["l1"] for loss in losses if "l1" in loss.coefficients):
+        notes.append("l1 changes its sign along it: a generalised Hopf point lies on it")
     ranged = _ranged(diagnosis, [chosen, *losses])
     return replace(ranged, samples=len(losses), note="; ".join(notes))
+
+
+def _changes_sign(values: Iterable[float]) -> bool:
+    return len({value > 0.0 for value in values if value}) > 1
+
+
+def _turn(diagnosis: Diagnosis, chain: Chain) -> float:
+    """-1 where the left null vector of the first of `chain`, <l, r> = 1, is against the last's when followed to it."""
+    vectors = [null_vectors(diagnosis.problem.jacobian(u)[:, diagnosis.nx :]) for u in chain]
+    followed = [before @ after for (_, before), (_, after) in pairwise(vectors)]
+    ends = [left @ right for right, left in (vectors[0], vectors[-1])]
+    return float(np.prod(np.copysign(1.0, [*followed, *ends])))
 
 
 def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
@@ -139,11 +161,6 @@ def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
     spans = np.ptp(y[np.isfinite(y).all(axis=1)], axis=0)
     # Points of a branch on which a variable is constant differ in it by rounding.
     return np.append(diagnosis.widths, np.where(spans > EQUAL * lengths, spans, lengths))
-
-
-def _parts(edges: list[tuple[int, int]], count: int) -> list[list[int]]:
-    """What the edges join of `count` places, in the order of the first of each part."""
-    return sorted(map(sorted, connected_components((range(count), edges))))
 
 
 def _spanning_tree(points: np.ndarray) -> list[tuple[int, int, float]]:

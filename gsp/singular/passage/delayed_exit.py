@@ -54,7 +54,6 @@ class DelayedExit(Card):
     point: Mapping[str, float]
     losses: tuple[PassedLoss, ...]
     invariant: bool
-    depth: float
     times: np.ndarray
     phi: np.ndarray
     eigenvalues: np.ndarray
@@ -69,6 +68,12 @@ class DelayedExit(Card):
         if not self.losses:
             raise PassageError(f"no loss of stability was met. {self.message}")
         return self.losses[-1]
+
+    @property
+    def depth(self) -> float:
+        """max(-Phi) up to `t`."""
+        met = [self._phi_at(t) for t in (self.t, *(loss.t for loss in self.losses))]
+        return max(0.0, *(-float(phi) for phi in (*met, *self.phi[self.times <= self.t])))
 
     @property
     def buffer(self) -> float | None:

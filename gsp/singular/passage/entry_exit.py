@@ -99,7 +99,7 @@ class _Passage:
         self.ends: list[float] = []
         self.losses: list[PassedLoss] = []
         self.takeovers: list[float] = []
-        self.phi, self.depth = 0.0, 0.0
+        self.phi = 0.0
         # Phi at which an orbit leaves, and what sets it.
         self.level, self.kind = 0.0, ExitKind.ENTRY_EXIT
         self.invariant = True
@@ -186,7 +186,6 @@ class _Passage:
                 self._meet(piece, t, before)
                 if self.kind is ExitKind.AT_LOSS:
                     return t
-            self.depth = max(self.depth, -float(phi[i]))
             if self.losses and phi[i] >= self.level and piece.values[i] > 0.0:
                 return crossing(piece.t, phi, self.level, i, after=self.losses[-1].t)
         return None
@@ -264,7 +263,6 @@ class _Passage:
         loss = passed_loss(self.orbit, t, slope, invariant=self.invariant)
         self.losses.append(loss)
         here = before + float(interpolate(piece.t, piece.primitive, np.array([t]))[0])
-        self.depth = max(self.depth, -here)
         if here + loss.limit < self.level:
             self.level = here + loss.limit
             self.kind = ExitKind.AT_LOSS if loss.limit == 0.0 else ExitKind.BUFFER
@@ -279,13 +277,12 @@ class _Passage:
             kind=kind,
             t=t,
             point=MappingProxyType(orbit.named(orbit.at(t), small)),
-            losses=tuple(self.losses),
+            losses=tuple(loss for loss in self.losses if loss.t <= t),
             invariant=self.invariant,
-            depth=self.depth,
             times=np.concatenate([piece.t for piece in self.pieces]),
             phi=np.concatenate(phi),
             eigenvalues=np.concatenate([piece.eigenvalue for piece in self.pieces]),
-            takeovers=tuple(self.takeovers),
+            takeovers=tuple(other for other in self.takeovers if other <= t),
             status=status,
             _pieces=tuple(self.pieces),
             _phi_ends=tuple(self.ends),
