@@ -74,7 +74,7 @@ class _ConditionReader:
         return "".join(item.text for item in items), False
 
     def item(self) -> tuple[str, bool]:
-        word = self.words[self.at]
+        word, begin = self.words[self.at], self.at
         self.at += 1
         if word == "(":
             text, is_condition = self.part()
@@ -91,8 +91,18 @@ class _ConditionReader:
             # XPPAUT's heav is 1 at 0.
             return conditions.compared(">=", arguments[0][0], "0", positive=self.positive()), False
         if word == "not":
+            self.check_not(begin)
             return conditions.negated(self.truth(*arguments[0])), True
         return f"{word}({', '.join(text for text, _ in arguments)})", False
+
+    def check_not(self, at: int) -> None:
+        """Refuse a `not` behind an operator that XPPAUT works out before it has the `not`."""
+        first, last = ["(", "(", *self.words[:at]][-2:]
+        if last in (*_COMPARED, "&", "*", "/", "^", "**") or (last == "-" and first in (*_OPERATORS, "(", ",")):
+            raise ModelFileError(
+                f"not behind {last} is another number in XPPAUT, which takes {last} first.",
+                "Put parentheses: 2*(not(v>1)).",
+            )
 
     def arguments(self) -> list[tuple[str, bool]]:
         self.at += 1
