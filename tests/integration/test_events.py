@@ -164,6 +164,21 @@ def test_a_start_is_on_the_zero_within_rounding_only(units, met):
     assert run.events["one"].times.size == met
 
 
+@METHODS
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_zero_at_the_end_of_one_run_and_the_start_of_the_next_is_met_once(method, sign):
+    """Neither of the two told of it: the first ended on it, and a start on the zero is no crossing."""
+    field, met = VectorField({x: sp.Integer(sign)}, epsilon=None), []
+    for k in range(4):
+        run = integrate(
+            field, start={"x": sign * k}, span=(k, k + 1), events=Event(x - 2 * sign), method=method
+        )
+        met += run.events[str(x - 2 * sign)].times.tolist()
+    assert met == pytest.approx([2.0], rel=1e-14)
+    terminal = Event(x - 2 * sign, name="end", terminal=True)
+    assert integrate(field, start={"x": 0}, span=(0, 2), events=terminal).status is Status.EVENT_REACHED
+
+
 def test_what_is_not_a_number_is_no_sign():
     field = VectorField({x: sp.Integer(1)}, epsilon=None)
     watched = Event(sp.sqrt(x) - 1, name="root")
