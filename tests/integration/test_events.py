@@ -186,6 +186,12 @@ def test_what_is_not_a_number_is_no_sign():
     assert trajectory.events["root"].times == pytest.approx(np.array([2.0]), rel=1e-14)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_start_at_which_a_function_is_infinite_is_told_of_no_warning() -> None:
+    run = oscillate(Event(sp.log(x) + 1, name="log"), start={"x": 0, "y": 1}, span=(0, 1))
+    assert run.events["log"].times == pytest.approx([np.arcsin(np.exp(-1.0))], abs=1e-7)
+
+
 def test_a_jump_is_located_too():
     field = VectorField({x: sp.Integer(1)}, epsilon=None)
     trajectory = integrate(field, start={"x": 0}, span=(0, 3), events=Event(sp.sign(x - 1), name="jump"))
