@@ -55,7 +55,9 @@ def test_a_condition_is_one_where_it_holds_and_zero_elsewhere(text: str, meaning
     assert [value(text, v, w) for v, w in POINTS] == [float(meaning(v, w)) for v, w in POINTS]
 
 
-@pytest.mark.parametrize("text", ["v+40>0", "v>-40", "2*v>1", "v>1>w", "v>", ">v", "v>1+w"])
+@pytest.mark.parametrize(
+    "text", ["v+40>0", "v>-40", "2*v>1", "v>1>w", "v>", ">v", "v>1+w", "not(v>1)>w", "v|not(w)<2"]
+)
 def test_comparisons_that_bind_otherwise_than_they_look_are_refused(text: str) -> None:
     with pytest.raises(ModelFileError, match="binds more tightly"):
         without_conditions(text, positive=lambda: "step")
