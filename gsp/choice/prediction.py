@@ -270,8 +270,8 @@ class Prediction:
 
         A series is one on each side, and a run across is off by O(epsilon^2), which no higher order tells. So is one
         that begins across, where the layer has moved the slow variables over it. The error of order 0 is larger than
-        that, and is told by the next order all the same, but where M0 jumps: the full run is off it by the jump over a
-        time of O(epsilon).
+        that, and is told by the next order all the same, but where M0 jumps, or a slow rate where fast variables say
+        when: the full run is off it by the jump over a time of O(epsilon).
         """
         run, low, landed = self.runs[order], float(self.runs[order].t[0]), self.landed
         while self._surfaces is not None:
@@ -292,7 +292,8 @@ class Prediction:
     def _crossed(
         self, run: Trajectory, low: float, high: float, landed: np.ndarray | None
     ) -> tuple[float, float, bool]:
-        """Times just before the first crossing, infinite where there is none, and just after; whether M0 jumps."""
+        """Times just before the first crossing, infinite where there is none, and just after; whether M0 jumps, or
+        a slow rate on a surface that the fast variables move."""
         assert self._surfaces is not None
         before, sides, leaps, sizes = float("inf"), None, [], np.zeros(0)
         for _ in range(1 + REFINEMENTS):
@@ -305,14 +306,17 @@ class Prediction:
                 found = np.sign(self._surfaces(places, self.sampler.p))
             # What begins on a surface is on the side to which it leaves.
             sides = found[(found != 0.0).argmax(axis=0), np.arange(found.shape[1])] if sides is None else sides
-            other = np.flatnonzero((found * sides < 0.0).any(axis=1))
+            crossed = found * sides < 0.0
+            other = np.flatnonzero(crossed.any(axis=1))
             if not other.size:
                 break
             before = low = float(times[other[0] - 1])
             high = float(times[other[0]])
-            fast = places[:, len(self.sampler.system.x) :]
-            leaps.append(np.abs(np.diff(fast[other[0] - 1 : other[0] + 1], axis=0)))
-            sizes = sizes if sizes.size else np.abs(fast).max(axis=0)
+            nx, moved = len(self.sampler.system.x), self._moved[crossed[other[0]]].any()
+            with np.errstate(all="ignore"):
+                values = np.hstack([places[:, nx:], moved * self.sampler.rates(places)[:, :nx]])
+            leaps.append(np.abs(np.diff(values[other[0] - 1 : other[0] + 1], axis=0)))
+            sizes = sizes if sizes.size else np.abs(values).max(axis=0)
             if low == high:
                 break
         if len(leaps) < 2:
@@ -322,10 +326,18 @@ class Prediction:
         return before, high, bool(jumps.any())
 
     @cached_property
+    def _switches(self):
+        return [s.surface for s in switches([*self.sampler.f, *self.sampler.g], self.sampler.system.states)]
+
+    @cached_property
     def _surfaces(self):
         """The switching functions of the field over points (m, n), or None for a smooth one."""
-        found = switches([*self.sampler.f, *self.sampler.g], self.sampler.system.states)
-        return self.sampler.compiled([switch.surface for switch in found]) if found else None
+        return self.sampler.compiled(self._switches) if self._switches else None
+
+    @cached_property
+    def _moved(self) -> np.ndarray:
+        """Which of them the fast variables move."""
+        return np.array([surface.has(*self.sampler.system.y) for surface in self._switches])
 
     def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
         """Where the `terms` (m, k, n_fast) left out have begun to grow again."""

@@ -61,7 +61,8 @@ class Search:
     `values(t, states)` gives the watched functions (m, w) at times (m,) and states (m, n), `signs` (w,) the signs at
     the start, 0 where the first sign that comes is to count. Where a function is not a number no sign is known.
     `quiet(time, state, times, states, dense)` may say of steps at once that nothing happens in them, and
-    `stuck(time, times, states)` that the run ends with them, since it gets nowhere.
+    `stuck(time, times, states)` that the run ends with them, since it gets nowhere. `last` is the end of the span: an
+    event that is on its zero there to rounding is met, as no run that begins there will meet it.
     """
 
     def __init__(
@@ -74,10 +75,12 @@ class Search:
         y: np.ndarray,
         quiet: Callable[..., bool] | None = None,
         stuck: Callable[[float, np.ndarray, np.ndarray], Settled | None] | None = None,
+        last: float = np.nan,
     ) -> None:
         self.values = values
         self.quiet = quiet
         self.stuck = stuck
+        self.last = last
         self.watched = tuple(watched)
         self.stepper = stepper
         self.found: list[list[Settled]] = [[] for _ in watched]
@@ -145,15 +148,19 @@ class Search:
             else:
                 k = piece.step(t)
                 instants.append(Instant(t, abs(piece.times[k + 1] - piece.times[k]), {column: sense}))
-        end = float(piece.times[-1])
-        if instants and _same(instants[-1], end):
-            # Rounding may have left the crossing of one function to these steps, of another to those that follow.
-            forward = float(np.sign(end - piece.times[0]))
-            for column in set(range(len(self.watched))) - set(instants[-1].met):
-                sense = int(np.sign(self._slope(column, end, piece)[0]) * forward)
-                if sense == -self._signs[column] != 0 and self._is_met(column, end, instants[-1], piece):
-                    instants[-1].met[column] = sense
-                    self._signs[column] = sense
+        end, columns = float(piece.times[-1]), set(range(len(self.watched)))
+        if not (instants and _same(instants[-1], end)):
+            if end != self.last:
+                return instants
+            instants.append(Instant(end, abs(end - piece.times[-2]), {}))
+            columns = {c for c in columns if self.watched[c].settle is settle_event}
+        # Rounding may have left the crossing of one function to these steps, of another to those that follow.
+        forward = float(np.sign(end - piece.times[0]))
+        for column in columns - set(instants[-1].met):
+            sense = int(np.sign(self._slope(column, end, piece)[0]) * forward)
+            if sense == -self._signs[column] != 0 and self._is_met(column, end, instants[-1], piece):
+                instants[-1].met[column] = sense
+                self._signs[column] = sense
         return instants
 
     def _is_met(self, column: int, t: float, instant: Instant, piece: RunPiece) -> bool:

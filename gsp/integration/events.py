@@ -103,7 +103,8 @@ class CompiledEvents:
         """Signs of g just after the start: of its rate where g itself is zero to rounding."""
         count = len(self.events)
         g, rate, size = self._all(np.array([t]), y[np.newaxis])[0].reshape(3, count)
-        on = np.abs(g) <= ROUNDING * (size + np.abs(rate * t))
+        with np.errstate(invalid="ignore"):
+            on = np.abs(g) <= ROUNDING * (size + np.abs(rate * t))
         signs = np.where(on, np.sign(rate) * (1.0 if forward else -1.0), np.sign(g))
         return np.nan_to_num(signs)
 

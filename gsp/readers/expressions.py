@@ -48,6 +48,7 @@ FUNCTIONS: Mapping[str, tuple[int, Callable[..., sp.Expr]]] = {
     "log": (1, sp.log),
     "ln": (1, sp.log),
     "sqrt": (1, sp.sqrt),
+    "erf": (1, sp.erf),
     "abs": (1, sp.Abs),
     "sign": (1, sp.sign),
     "min": (2, sp.Min),

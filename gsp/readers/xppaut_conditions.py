@@ -1,7 +1,7 @@
 """Conditions in XPPAUT's expressions: comparisons, `if()then()else()`, `&`, `|`, `not` and `heav`, as numbers.
 
-XPPAUT's comparisons bind more tightly than its sums, products and signs: it takes v+40>0 for v+(40>0). What reads
-differently from what it looks like is refused; parentheses make it plain.
+XPPAUT's comparisons bind more tightly than its sums, products, signs and `not`: it takes v+40>0 for v+(40>0). What
+reads differently from what it looks like is refused; parentheses make it plain.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class _ConditionReader:
         return "".join(item.text for item in items), False
 
     def item(self) -> tuple[str, bool]:
-        word = self.words[self.at]
+        word, begin = self.words[self.at], self.at
         self.at += 1
         if word == "(":
             text, is_condition = self.part()
@@ -91,8 +91,18 @@ class _ConditionReader:
             # XPPAUT's heav is 1 at 0.
             return conditions.compared(">=", arguments[0][0], "0", positive=self.positive()), False
         if word == "not":
+            self.check_not(begin)
             return conditions.negated(self.truth(*arguments[0])), True
         return f"{word}({', '.join(text for text, _ in arguments)})", False
+
+    def check_not(self, at: int) -> None:
+        """Refuse a `not` behind an operator that XPPAUT works out before it has the `not`."""
+        first, last = ["(", "(", *self.words[:at]][-2:]
+        if last in (*_COMPARED, "&", "*", "/", "^", "**") or (last == "-" and first in (*_OPERATORS, "(", ",")):
+            raise ModelFileError(
+                f"not behind {last} is another number in XPPAUT, which takes {last} first.",
+                "Put parentheses: 2*(not(v>1)).",
+            )
 
     def arguments(self) -> list[tuple[str, bool]]:
         self.at += 1
@@ -127,10 +137,11 @@ class _ConditionReader:
 
     def compared(self, items: list[_Item]) -> str:
         texts = [item.text for item in items]
-        if len(texts) != 3 or texts[1] not in _COMPARED or texts[0] in _OPERATORS or texts[2] in _OPERATORS:
+        is_one = len(texts) == 3 and texts[1] in _COMPARED and not {texts[0], texts[2]} & {*_OPERATORS}
+        if not is_one or items[0].written.startswith("not("):
             raise ModelFileError(
                 f"{_shown(items)!r} reads differently in XPPAUT from what it looks like: a comparison "
-                "binds more tightly there than a sum, a product or a sign.",
+                "binds more tightly there than a sum, a product, a sign or a not.",
                 "Put parentheses: (v+40)>0, v>(-40).",
             )
         return conditions.compared(texts[1], texts[0], texts[2], positive=self.positive())

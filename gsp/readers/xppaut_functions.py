@@ -16,6 +16,7 @@ _JUMP_OF_NUMBERS = re.compile(rf"(?<![a-z0-9_.])(mod|flr)\s*\({_NUMBER}(?:,{_NUM
 HELPERS = {
     "positive": (("u",), POSITIVE),
     "log10": (("u",), "log(u)/log(10)"),
+    "erfc": (("u",), "1 - erf(u)"),
     "near": (("u",), "(1 + atan(tan(pi*u - 1)))/pi"),
     "flr": (("u",), "u - near(u) - (1 - sign(near(u) + 1e-9))/2"),
     "rest": (("u", "w"), "u - w*flr(u/w)"),
@@ -45,9 +46,9 @@ class Helpers:
         return self._made[word]
 
     def written(self, text: str) -> str:
-        """An expression with helpers for `mod`, `flr` and `log10`, or their values where they are of numbers."""
+        """An expression with helpers for what model files lack, or the values of `mod` and `flr` of numbers."""
         text = _JUMP_OF_NUMBERS.sub(_worked_out, text)
-        return re.sub(r"(?<![a-z0-9_.])(mod|flr|log10)(?=\s*\()", lambda match: self.name(match[1]), text)
+        return re.sub(r"(?<![a-z0-9_.])(mod|flr|log10|erfc)(?=\s*\()", lambda match: self.name(match[1]), text)
 
 
 def _worked_out(found: re.Match[str]) -> str:

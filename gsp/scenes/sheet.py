@@ -53,9 +53,9 @@ def explain_sheet(
             f"of {len(critical.branches)} branches this is about {branch}, to which the run from the start belongs"
         )
     system = branch.system
-    x, y = place(system, start)
+    x, _ = place(system, start)
     bounds = fast_bounds(system, region)
-    point = branch.points(x[None, :], near=y[None, :])
+    point = branch.points(x[None, :])
     if not within(point, system.y, bounds)[0]:
         said.append(
             f"the start is over no sheet in the region: over {system.place(zip(system.x, x))} the one to which its run "

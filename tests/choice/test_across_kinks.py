@@ -92,6 +92,16 @@ def test_order_0_ends_where_the_critical_manifold_jumps_and_not_at_a_kink(fast: 
     assert found.crossing(1) <= found.crossing(0) + 1e-9
 
 
+@pytest.mark.parametrize(("switch", "ends"), [(i, True), (i + v, True), (v, False)])
+def test_order_0_ends_where_a_slow_rate_jumps_by_what_fast_variables_say(switch: sp.Expr, ends: bool) -> None:
+    """The full run jumps a time O(epsilon) from the reduced one: x' = -3/2 and -1/2 leave 0.01 of it. Of i as a switch
+    order 0 was told to be exact to 0.0, as no term of the series tells when."""
+    level = sp.Rational(1, 2) if switch in (i, v) else 1
+    found = forecast_of(scene(-1 - sp.sign(switch - level) / 2, v - i, 1, 1, span=(0, 0.9)), (0, 1)).prediction
+    assert found.crossing(0) == (pytest.approx(1 / 3, abs=1e-3) if ends else np.inf)
+    assert found.crossing(1) == pytest.approx(1 / 3, abs=1e-2)
+
+
 def test_what_fast_variables_are_off_by_is_told_where_their_own_layer_is_over() -> None:
     # The layer of v ends after 5.7 fast times, where 2.6e-3 of that of i is left.
     system = SlowFastSystem(slow={v: -v / 2 - i / 2 - 1}, fast={i: -v - i - 1}, epsilon=eps)

@@ -415,6 +415,21 @@ def test_the_error_function_is_xppauts_own() -> None:
     )
 
 
+def test_the_error_function_is_read_back_from_an_ode_file(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(
+        '[slow]\nx = "-x*(2 + erf(y))"\n[fast]\ny = "erf(3*x) - y"\n[region]\nx = [0, 1]\n[start]\nx = 0.6\ny = 0.5\n'
+        "[scene]\nspan = [0, 1]\nepsilon = 0.01\n",
+        encoding="utf-8",
+    )
+    written = tmp_path / "model.ode"
+    written.write_text(gsp.export(gsp.load(path), order=0, to="ode"), encoding="utf-8")
+    field = gsp.load(written).system
+    assert float(field.rates[0].subs("x", 0.6)) == pytest.approx(
+        -0.6 * (2 + math.erf(math.erf(1.8))), rel=1e-14
+    )
+
+
 def test_every_target_has_a_text_and_a_row_of_the_page() -> None:
     assert set(FORMATS) == set(TARGETS)
     page = (Path(__file__).parents[2] / "docs" / "exports.md").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ from pathlib import Path
 CASES = Path(__file__).parent / "cases"
 FUNCTIONS = (
     *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"),
-    *("asinh", "acosh", "atanh", "exp", "log", "sqrt", "abs", "sign"),
+    *("asinh", "acosh", "atanh", "exp", "log", "sqrt", "erf", "abs", "sign"),
 )
 NUMBERS = (
     *(

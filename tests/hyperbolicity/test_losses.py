@@ -494,6 +494,39 @@ def test_a_switching_surface_is_a_loss_when_the_branch_meets_it(g, met, jump, ki
         assert "not smooth" in verdict.notes[0]
 
 
+@pytest.mark.parametrize(
+    ("g", "top"),
+    [
+        (x - sp.Abs(y), 1.0),
+        (x - sp.Max(-y, y / 2), 2.0),
+        (x - sp.Abs(y) + y / 3, 1.5),
+        (x - y - 2 * sp.Max(0, -y), 1.0),
+    ],
+)
+def test_where_two_sheets_meet_at_a_kink_no_reduction_goes_on(g: sp.Expr, top: float) -> None:
+    """It was said that the slow manifold is continuous there, with a kink, and that orbits cross."""
+    case = Case({x: -sp.Integer(1)}, {y: g}, {"x": 1, "y": top}, UNIT, LossKind.NON_SMOOTH)
+    loss = only(judge(case), LossKind.NON_SMOOTH)
+    assert loss.point == pytest.approx({"x": 0, "y": 0}, abs=1e-6)
+    assert "two sheets of M0 meet there" in loss.consequence
+    assert not loss.may_reduce
+
+
+def test_a_kink_where_an_eigenvalue_passes_zero_by_itself_is_no_corner() -> None:
+    case = Case({x: -sp.Integer(1)}, {y: -y * sp.Max(x, 2 * x)}, {"x": 0.5, "y": 0}, UNIT, LossKind.NON_SMOOTH)
+    assert all("corner" not in loss.consequence for loss in judge(case).losses)
+
+
+@pytest.mark.parametrize(
+    ("g", "top", "end"), [(x - y - sp.sign(y) / 2, 0.4, 0.5), (x - y + sp.sign(y) / 2, 1.4, -0.5)]
+)
+def test_where_a_sheet_ends_at_a_jump_is_told_of_that_sheet(g: sp.Expr, top: float, end: float) -> None:
+    """Newton's method came to where the other sheet ends, over -0.5 and 0.5, and that was told."""
+    case = Case({x: -sp.Integer(1)}, {y: g}, {"x": 0.9, "y": top}, UNIT, LossKind.NON_SMOOTH)
+    loss = only(judge(case), LossKind.NON_SMOOTH)
+    assert loss.point == pytest.approx({"x": end, "y": 0}, abs=1e-6)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(("g", "grows"), [(sp.sqrt(x) - y, True), (x ** sp.Rational(3, 2) - y, False)])
 def test_a_root_on_the_edge_of_its_domain_is_said_to_have_no_bounded_slope(g: sp.Expr, grows: bool) -> None:

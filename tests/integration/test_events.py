@@ -164,11 +164,32 @@ def test_a_start_is_on_the_zero_within_rounding_only(units, met):
     assert run.events["one"].times.size == met
 
 
+@METHODS
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_zero_at_the_end_of_one_run_and_the_start_of_the_next_is_met_once(method, sign):
+    """Neither of the two told of it: the first ended on it, and a start on the zero is no crossing."""
+    field, met = VectorField({x: sp.Integer(sign)}, epsilon=None), []
+    for k in range(4):
+        run = integrate(
+            field, start={"x": sign * k}, span=(k, k + 1), events=Event(x - 2 * sign), method=method
+        )
+        met += run.events[str(x - 2 * sign)].times.tolist()
+    assert met == pytest.approx([2.0], rel=1e-14)
+    terminal = Event(x - 2 * sign, name="end", terminal=True)
+    assert integrate(field, start={"x": 0}, span=(0, 2), events=terminal).status is Status.EVENT_REACHED
+
+
 def test_what_is_not_a_number_is_no_sign():
     field = VectorField({x: sp.Integer(1)}, epsilon=None)
     watched = Event(sp.sqrt(x) - 1, name="root")
     trajectory = integrate(field, start={"x": -1}, span=(0, 3), events=watched)
     assert trajectory.events["root"].times == pytest.approx(np.array([2.0]), rel=1e-14)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_start_at_which_a_function_is_infinite_is_told_of_no_warning() -> None:
+    run = oscillate(Event(sp.log(x) + 1, name="log"), start={"x": 0, "y": 1}, span=(0, 1))
+    assert run.events["log"].times == pytest.approx([np.arcsin(np.exp(-1.0))], abs=1e-7)
 
 
 def test_a_jump_is_located_too():

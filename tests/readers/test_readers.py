@@ -126,7 +126,7 @@ def write(folder: Path, text: str, name: str = "model.toml") -> Path:
 
 VALUES = {
     **{name: getattr(math, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sqrt", "exp")},
-    **{name: getattr(math, name) for name in ("sinh", "cosh", "tanh", "asinh", "atanh", "log")},
+    **{name: getattr(math, name) for name in ("sinh", "cosh", "tanh", "asinh", "atanh", "log", "erf")},
     **{"acosh": lambda z: math.acosh(1 + z), "ln": math.log, "abs": abs, "sign": lambda z: math.copysign(1, z)},
     **{"min": lambda z: min(z, 0.5), "max": lambda z: max(z, 0.5)},
 }

@@ -100,7 +100,7 @@ def test_symbols_with_assumptions_are_known_by_name(tmp_path):
 def test_what_the_grammar_does_not_have_is_refused(tmp_path):
     y = sp.Symbol("y")
     with pytest.raises(DeclarationError, match="cannot be kept in a model file"):
-        gsp.save(decay(sp.erf(y) - 2 * y), tmp_path / "kept.toml")
+        gsp.save(decay(sp.floor(y) - 2 * y), tmp_path / "kept.toml")
     assert not list(tmp_path.iterdir())
 
 

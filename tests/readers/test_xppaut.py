@@ -298,6 +298,13 @@ def test_such_lines_have_xppauts_values() -> None:
     assert ours == pytest.approx(xppaut.values(text, rates, ours), rel=1e-12)
 
 
+def test_the_error_function_and_what_is_left_of_it_are_xppauts() -> None:
+    text = "par a=0.3\ninit x=0.4\nx'=erf(x/a)-erfc(x-a)\n"
+    system = imported(read_ode(text), small=None, read=lambda d: scene_of(parsed(d), Path("erf.ode")))[1].system
+    value = float(system.rates[0].xreplace(dict(system.parameters)).subs(system.states[0], 0.4))
+    assert xppaut.values(text, ["erf(x/a)-erfc(x-a)"], [value]) == pytest.approx([value], abs=1e-13)
+
+
 def test_a_mod_is_that_of_a_whole_period_and_of_none_on_its_jumps_too() -> None:
     text = "par n=5\nx'=mod(x,3)\ny'=flr(x)\nz'=flr(n/2)+mod(6,3)+flr(-3)+mod(-7.5,2)\n"
     scene = imported(read_ode(text), small=None, read=lambda d: scene_of(parsed(d), Path("jumps.ode")))[1]

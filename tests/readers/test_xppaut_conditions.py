@@ -9,6 +9,7 @@ import pytest
 
 from gsp.errors import ModelFileError
 from gsp.readers.xppaut_conditions import without_conditions
+from tests import xppaut
 
 # Every pair of values below, above and on the numbers that conditions compare with.
 POINTS = list(itertools.product((-1.0, 0.0, 0.5, 1.0, 2.0), repeat=2))
@@ -54,10 +55,27 @@ def test_a_condition_is_one_where_it_holds_and_zero_elsewhere(text: str, meaning
     assert [value(text, v, w) for v, w in POINTS] == [float(meaning(v, w)) for v, w in POINTS]
 
 
-@pytest.mark.parametrize("text", ["v+40>0", "v>-40", "2*v>1", "v>1>w", "v>", ">v", "v>1+w"])
+@pytest.mark.parametrize(
+    "text", ["v+40>0", "v>-40", "2*v>1", "v>1>w", "v>", ">v", "v>1+w", "not(v>1)>w", "v|not(w)<2"]
+)
 def test_comparisons_that_bind_otherwise_than_they_look_are_refused(text: str) -> None:
     with pytest.raises(ModelFileError, match="binds more tightly"):
         without_conditions(text, positive=lambda: "step")
+
+
+@pytest.mark.parametrize(
+    "text", ["2+w*not(v>1)", "w/not(v>1)", "w^not(v>1)", "(w<0)&not(v>1)", "1==not(v>1)", "2*(-not(v>1))"]
+)
+def test_a_not_that_xppaut_takes_for_another_number_is_refused(text: str) -> None:
+    """XPPAUT 6.11 has 2 w + not(v>1) for 2 + w*not(v>1), and numbers that are none of the file's for others."""
+    with pytest.raises(ModelFileError, match="is another number in XPPAUT"):
+        without_conditions(text, positive=lambda: "step")
+
+
+def test_a_not_in_parentheses_or_behind_a_sum_is_xppauts() -> None:
+    texts = ["2+w*(not(v>1))", "2-not(v>1)", "1+((w<0)|not(v>1))", "w-(-(not(v>1)))", "exp(not(v>1))"]
+    found = [value(text, 0.5, 3.0) for text in texts]
+    assert xppaut.values("init v=0.5,w=3\nv'=1\nw'=1\n", texts, found) == pytest.approx(found, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,15 @@ def test_which_sheet_is_meant_is_said_where_it_is_not_plain(rate, start, bounds,
         assert part in text
 
 
+@pytest.mark.parametrize(
+    ("rate", "start"),
+    [(sp.Min(x - y, sp.Rational(1, 2)), {"x": 1, "y": -2}), (x - y**3 + 3 * y, {"x": 0, "y": 0.99})],
+)
+def test_newtons_method_from_the_start_has_no_say_in_which_sheet_its_run_belongs_to(rate, start) -> None:
+    """From the flat of a minimum it came to no point, which ended `gsp check`; from beside a fold to another sheet."""
+    assert said(study(rate, start, {"x": (-0.5, 1.5), "y": (-3 if rate.has(sp.Min) else 0.5, 3)})) == ""
+
+
 def test_a_branch_outside_the_region_is_refused_with_the_others() -> None:
     found = study(LASER, {"x": 1.5, "y": 4.0}, {"x": (-3, 6), "y": (0.5, 5.0)})
     with pytest.raises(

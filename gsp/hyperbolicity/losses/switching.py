@@ -92,9 +92,12 @@ def _touched(diagnosis: Diagnosis, switch: SwitchingFunction, values, starts: np
         equations = np.append(branch.residual(point)[0], values(point))
         return equations, np.vstack([branch.full_jacobian(point)[0], slope(u, sampler.p)])
 
-    found = [point for start in starts if (point := gauss_newton(evaluate, start)) is not None]
-    points = np.array(found).reshape(-1, starts.shape[1])
-    return points[sampler.inside(points, diagnosis.box)][:1]
+    found = [(start, point) for start in starts if (point := gauss_newton(evaluate, start)) is not None]
+    starts, points = np.array(found).reshape(-1, 2, starts.shape[1]).swapaxes(0, 1)
+    # Newton's method may have come to another sheet, from which the field jumps.
+    reached, _ = sampler.bisected(starts, points, lambda z: np.ones(len(z), dtype=bool))
+    on_sheet = (np.abs(reached - points) <= SIDE * diagnosis.units).all(axis=1)
+    return points[on_sheet & sampler.inside(points, diagnosis.box)][:1]
 
 
 def _loss(diagnosis: Diagnosis, switch: SwitchingFunction, points: np.ndarray, lies_in_it: bool) -> Loss:
@@ -105,7 +108,7 @@ def _loss(diagnosis: Diagnosis, switch: SwitchingFunction, points: np.ndarray, l
     # Across the surface in the states' own sizes, so that the sides are the same in whatever units states are given.
     normal = slopes((z + SIDE * units)[None, :], sampler.p)[0] * units
     length = float(np.linalg.norm(normal))
-    jumps, endless = (0.0, 0.0), False
+    step, jumps, endless = np.zeros_like(z), (0.0, 0.0), False
     if np.isfinite(length) and length > 0.0:
         step = SIDE * units * normal / length
         jumps = _jumps(diagnosis, z - step, z + step)
@@ -123,6 +126,13 @@ def _loss(diagnosis: Diagnosis, switch: SwitchingFunction, points: np.ndarray, l
             "the rates jump: orbits cross or slide along the surface, and no slow manifold goes through it",
             False,
             "use one smooth piece on each side, or Filippov's rule on the surface",
+        )
+    elif jumps[1] and switch.surface.has(*sampler.system.y) and _turns(diagnosis, z - step, z + step):
+        verdict = LossConsequence(
+            "an eigenvalue jumps through 0: two sheets of M0 meet there, at a corner, and orbits that reach it may "
+            "leave along the fast fibre",
+            False,
+            "shrink the region to one side of it, and integrate the full system across",
         )
     elif jumps[1]:
         verdict = LossConsequence(
@@ -167,6 +177,12 @@ def _grows(diagnosis: Diagnosis, z: np.ndarray, step: np.ndarray) -> bool:
         if np.isfinite(sizes).all() and (sizes[1:] > 2.0 * sizes[:-1]).all():
             return True
     return False
+
+
+def _turns(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether det g_y has different signs on the two sides of a surface that the fast variables cross."""
+    first, second = np.sign(np.linalg.det(diagnosis.sampler.fast_jacobian(np.vstack([before, after]))))
+    return bool(first * second < 0.0)
 
 
 def _jumps(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
