@@ -17,7 +17,7 @@ import sympy as sp
 from sympy.codegen.cfunctions import expm1, log1p
 
 from gsp.algebra.differentiation import bounded_product
-from gsp.algebra.sharing import is_shared, plus, times
+from gsp.algebra.sharing import is_shared, parts_of, plus, times
 
 _WAVES = (sp.exp, sp.cosh, sp.sinh)
 _Powers = dict[Any, int]
@@ -92,7 +92,7 @@ def _exponent(powers: _Powers) -> Any:
 
 
 def _waves(expression: Any) -> bool:
-    return any(_is_wave(e) for e in expression.atoms(*_WAVES))
+    return any(map(_is_wave, parts_of(expression)))
 
 
 def _is_wave(e: Any) -> bool:

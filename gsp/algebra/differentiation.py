@@ -10,6 +10,8 @@ from typing import Any
 import sympy as sp
 from sympy.core.function import ArgumentIndexError
 
+from gsp.algebra.sharing import parts_of
+
 
 class _Absolute(sp.Function):
     """Abs of a real number: SymPy's own differentiates to re and im unless its argument is declared real."""
@@ -60,13 +62,13 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
         others = [factor for factor in expression.args if factor != symbol]
         if not any(factor.has(symbol) for factor in others):
             return sp.Mul(*others)
-    if any(map(_is_left, expression.atoms(*_OVER_THE_REALS))):
+    if any(map(_is_left, parts_of(expression))):
         result = _smooth(expression.replace(_is_left, _over_the_reals), symbol)
         for theirs, ours in _OVER_THE_REALS.items():
             result = result.replace(ours, theirs)
     else:
         result = _smooth(expression, symbol)
-    if any(not power.exp.is_number for power in result.atoms(sp.Pow)):
+    if any(part.is_Pow and not part.exp.is_number for part in parts_of(result)):
         result = sp.powsimp(result, combine="exp")
     return result
 
@@ -215,6 +217,6 @@ def _gate_bounded(expression: Any, base: Any, most: int) -> Any:
     exponent = sp.Add(*(factor.args[0] for factor in factors if isinstance(factor, sp.exp)))
     rest = sp.Mul(*(factor for factor in factors if not isinstance(factor, sp.exp)))
     for times in range(most, 0, -1):
-        if sp.expand(exponent - times * wave.args[0]) == 0:
+        if exponent - times * wave.args[0] == 0:
             return rest * base**times / (k + (base - raised[0]) * sp.exp(-wave.args[0])) ** times
     return expression

@@ -60,10 +60,19 @@ def numbers_at(matrix: sp.Matrix, point: Mapping[sp.Symbol, sp.Expr]) -> list[li
     def number(entry: sp.Expr) -> sp.Expr:
         value = substituted(entry, point)
         # Worked out from below: parts that an entry shares with itself are, too.
-        return value if value.is_Rational else sp.N(substituted(entry, inexact), DIGITS)
+        return value if value.is_Rational else _number(substituted(entry, inexact))
 
     values = [[number(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)]
     return values if all(value.is_finite for row in values for value in row) else None
+
+
+def _number(value: sp.Expr) -> sp.Expr:
+    return value if value.is_Rational else sp.N(value, DIGITS)
+
+
+def less(row: Sequence[sp.Expr], factor: sp.Expr, other: Sequence[sp.Expr]) -> list[sp.Expr]:
+    """row - factor other. At a generic point roots may be complex, whose products SymPy does not work out by itself."""
+    return [_number(a - factor * b) for a, b in zip(row, other)]
 
 
 def independent_rows(values: Sequence[Sequence[sp.Expr]]) -> list[int]:
@@ -74,8 +83,8 @@ def independent_rows(values: Sequence[Sequence[sp.Expr]]) -> list[int]:
         size = max(map(abs, row))
         left = list(row)
         for pivot, other in held:
-            factor = left[pivot] / other[pivot]
-            left = [a - factor * b for a, b in zip(left, other)]
+            factor = _number(left[pivot] / other[pivot])
+            left = less(left, factor, other)
             left[pivot] = sp.S.Zero
         pivot = max(range(len(left)), key=lambda j: abs(left[j]))
         if abs(left[pivot]) > size * sp.Rational(1, 10 ** (DIGITS // 2)):

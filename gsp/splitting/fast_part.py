@@ -14,6 +14,7 @@ from gsp.algebra.elimination_over_rationals import (
     connected_parts,
     generic_point,
     independent_rows,
+    less,
     numbers_at,
 )
 from gsp.algebra.factorisation import lowest_terms, short_forms
@@ -132,7 +133,7 @@ def _by_elimination(matrix: sp.Matrix) -> sp.Matrix:
         for i in range(n):
             if i != pivot and left[i][k] != 0:
                 value, factor = values[i][k], times(sp.S.NegativeOne, left[i][k])
-                values[i] = [a - value * b for a, b in zip(values[i], values[pivot])]
+                values[i] = less(values[i], value, values[pivot])
                 left[i] = [plus([a, times(factor, b)]) for a, b in zip(left[i], left[pivot])]
     return sp.Matrix([left[pivot][n:] for pivot in order])
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 import sympy as sp
 
+from gsp.algebra.bounded_quotients import bounded
 from gsp.algebra.differentiation import derivative, gathered_derivative
+from gsp.algebra.sharing import plus, times
 
 u, v, n, K = sp.symbols("u v n K")
 POWERS = [
@@ -98,3 +100,15 @@ def test_a_gathered_slope_is_the_slope(expression) -> None:
 def test_what_cancels_in_a_gathered_slope_is_not_there() -> None:
     assert gathered_derivative(v * u / sp.sqrt(1 + u**2), u) == v * (1 + u**2) ** sp.Rational(-3, 2)
     assert gathered_derivative(u**2 / (K + u**2), u) == 2 * K * u / (K + u**2) ** 2
+
+
+def test_parts_that_are_shared_are_looked_at_once() -> None:
+    """e = e^2 + 1, forty times: what writes e out does not end. Its product with a function of v has one slope."""
+    e = u
+    for _ in range(40):
+        e = plus([times(e, e), sp.S.One])
+    slope = derivative(sp.Mul(sp.sin(v), e, evaluate=False), v)
+    assert e in slope.args
+    assert sp.cos(v) in slope.args
+    quotient = sp.Mul(plus([e, sp.exp(v)]), sp.Pow(1 + sp.exp(v), -1), evaluate=False)
+    assert quotient.free_symbols == bounded(quotient, {}).free_symbols

@@ -9,7 +9,12 @@ import mpmath
 import pytest
 import sympy as sp
 
-from gsp.algebra.elimination_over_rationals import connected_parts, independent_columns, numbers_at
+from gsp.algebra.elimination_over_rationals import (
+    connected_parts,
+    independent_columns,
+    independent_rows,
+    numbers_at,
+)
 from gsp.algebra.sharing import plus, reciprocal, times
 
 
@@ -59,3 +64,22 @@ def test_an_entry_has_its_number_to_most_digits_and_a_rational_one_exactly() -> 
         assert found is not None
         assert found[0][1] == sp.Rational(5, 17)
         assert abs(mpmath.mpf(str(found[0][0])) / value - 1) < mpmath.mpf(10) ** -40
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_are_told_apart_where_roots_are_complex_at_the_point(seed: int) -> None:
+    """Half of such rows left a length that is complex by rounding, which cannot be compared: a TypeError."""
+    x, drawn = sp.Symbol("x"), random.Random(seed)
+    roots = [sp.sqrt(drawn.randint(0, 3) - 7 * x), (1 - 5 * x) ** sp.Rational(drawn.randint(1, 5), 3)]
+
+    def entry() -> sp.Expr:
+        return drawn.choice([*roots, sp.exp(x)]) * drawn.choice([1, sp.Rational(1, 3), -2]) + drawn.choice(
+            roots
+        )
+
+    first, second = ([entry() for _ in range(4)] for _ in range(2))
+    third = [a * roots[0] + b for a, b in zip(first, second)]
+    fourth = [a * (roots[1] + 2) + b for a, b in zip(third, second)]
+    values = numbers_at(sp.Matrix([first, second, third, fourth]), {x: sp.Rational(5, 11)})
+    assert values is not None
+    assert independent_rows(values) == [0, 1]
