@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import sympy as sp
 from sympy.core.function import ArgumentIndexError
 
-from gsp.algebra.sharing import parts_of
+from gsp.algebra.sharing import parts_of, replaced
 
 
 class _Absolute(sp.Function):
@@ -62,10 +62,11 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
         others = [factor for factor in expression.args if factor != symbol]
         if not any(factor.has(symbol) for factor in others):
             return sp.Mul(*others)
-    if any(map(_is_left, parts_of(expression))):
-        result = _smooth(expression.replace(_is_left, _over_the_reals), symbol)
-        for theirs, ours in _OVER_THE_REALS.items():
-            result = result.replace(ours, theirs)
+    left = list(filter(_is_left, parts_of(expression)))
+    if left:
+        slope = _smooth(_exchanged(expression, left, _OVER_THE_REALS), symbol)
+        ours = {own: theirs for theirs, own in _OVER_THE_REALS.items()}
+        result = _exchanged(slope, [part for part in parts_of(slope) if part.func in ours], ours)
     else:
         result = _smooth(expression, symbol)
     if any(part.is_Pow and not part.exp.is_number for part in parts_of(result)):
@@ -112,8 +113,12 @@ def _is_left(piece: Any) -> bool:
     return piece.func in _OVER_THE_REALS
 
 
-def _over_the_reals(piece: Any) -> Any:
-    return _OVER_THE_REALS[piece.func](*piece.args)
+def _exchanged(expression: Any, parts: Iterable[Any], kinds: Mapping[Any, Any]) -> Any:
+    """`expression` with the functions of its `parts` exchanged by `kinds`, inner parts before outer ones."""
+    rule: dict[Any, Any] = {}
+    for part in parts:
+        rule[part] = kinds[part.func](*(replaced(argument, rule) for argument in part.args))
+    return replaced(expression, rule)
 
 
 def slopes(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> dict[tuple[int, int], Any]:

@@ -110,5 +110,8 @@ def test_parts_that_are_shared_are_looked_at_once() -> None:
     slope = derivative(sp.Mul(sp.sin(v), e, evaluate=False), v)
     assert e in slope.args
     assert sp.cos(v) in slope.args
+    kink = sp.Mul(sp.Abs(v), e, evaluate=False)
+    assert e in derivative(kink, v).args
+    assert sp.sign(v) in derivative(kink, v).args
     quotient = sp.Mul(plus([e, sp.exp(v)]), sp.Pow(1 + sp.exp(v), -1), evaluate=False)
     assert quotient.free_symbols == bounded(quotient, {}).free_symbols
