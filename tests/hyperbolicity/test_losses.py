@@ -512,6 +512,31 @@ def test_where_two_sheets_meet_at_a_kink_no_reduction_goes_on(g: sp.Expr, top: f
     assert not loss.may_reduce
 
 
+@pytest.mark.parametrize(("unit", "origin"), [(1, 0), (10**6, 0), (sp.Rational(1, 10**6), 0), (1, 7)])
+@pytest.mark.parametrize(
+    "g",
+    [
+        sp.Abs(x) - sp.Abs(y),
+        sp.Abs(y) - 10 * sp.Abs(x),
+        x + 2 * sp.Abs(x) - sp.Abs(y),
+        x**2 - y**2 + y**5 / 40,
+    ],
+    ids=["kinks", "repelling", "two slopes", "smooth"],
+)
+def test_a_sheet_that_meets_another_goes_on_beyond_it(g: sp.Expr, unit: sp.Expr, origin: int) -> None:
+    """Beyond it no sample was found, and half of the region was said to have no real point."""
+    g = g.subs({x: unit * x - origin, y: y - origin}, simultaneous=True)
+    (branch,) = solve_critical(SlowFastSystem(slow={x: -1}, fast={y: g}, epsilon=eps)).branches
+    low, at, high = (float((origin + far) / unit) for far in (-0.1, 0.08, 0.1))
+    verdict = classify(
+        branch.through({"x": at, "y": origin + 0.2}), region={"x": (low, high), "y": (origin, origin + 2)}
+    )
+    assert verdict.kind is Kind.LOST
+    (graph,) = [condition for condition in verdict.conditions if condition.name == "graph"]
+    assert graph.holds
+    assert any(not loss.is_hyperbolic and loss.point["y"] == pytest.approx(origin) for loss in verdict.losses)
+
+
 def test_a_kink_where_an_eigenvalue_passes_zero_by_itself_is_no_corner() -> None:
     case = Case({x: -sp.Integer(1)}, {y: -y * sp.Max(x, 2 * x)}, {"x": 0.5, "y": 0}, UNIT, LossKind.NON_SMOOTH)
     assert all("corner" not in loss.consequence for loss in judge(case).losses)
