@@ -46,8 +46,8 @@ _OVER_THE_REALS: dict[Any, Any] = {sp.Abs: _Absolute, sp.sign: _Sign, sp.Heavisi
 def derivative(expression: Any, symbol: sp.Symbol) -> Any:
     """Derivative of a real expression that can be evaluated wherever it exists.
 
-    Two things SymPy leaves to the reader: |u|, sign(u) and a step are taken of real u, off u = 0, and
-    d(u^n)/dx = n u^n u'/u, which is 0/0 at u = 0, becomes n u^(n-1) u'.
+    Three things SymPy leaves to the reader: |u|, sign(u) and a step are taken of real u, off u = 0,
+    d(u^n)/dx = n u^n u'/u, which is 0/0 at u = 0, becomes n u^(n-1) u', and u |u|^p is differentiated as one power.
     """
     if not expression.has(symbol):
         return sp.S.Zero
@@ -61,7 +61,8 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
         if not any(factor.has(symbol) for factor in others):
             return sp.Mul(*others)
     if any(map(_is_left, expression.atoms(*_OVER_THE_REALS))):
-        result = _smooth(expression.replace(_is_left, _over_the_reals), symbol)
+        joined = expression.replace(lambda piece: piece.is_Mul, _with_roots_joined)
+        result = _smooth(joined.replace(_is_left, _over_the_reals), symbol)
         for theirs, ours in _OVER_THE_REALS.items():
             result = result.replace(ours, theirs)
     else:
@@ -99,6 +100,19 @@ def _smooth(expression: Any, symbol: sp.Symbol) -> Any:
         with suppress(ArgumentIndexError):
             return sp.Add(*(expression.fdiff(i + 1) * slope for i, slope in slopes))
     return sp.diff(expression, symbol)
+
+
+def _with_roots_joined(product: Any) -> Any:
+    """The product with u^n |u|^p, p no whole number, as sign(u)^n |u|^(n + p): its slope is 0/0 at u = 0 otherwise."""
+    for root in product.args:
+        size, power = root.as_base_exp()
+        if isinstance(size, sp.Abs) and not power.is_Integer:
+            u = size.args[0]
+            for part in product.args:
+                base, n = part.as_base_exp()
+                if base in (u, -u) and n.is_Integer and n > 0:
+                    product = product / part * sp.sign(base) ** (n % 2) * size**n
+    return product
 
 
 def _is_left(piece: Any) -> bool:

@@ -396,6 +396,31 @@ EVERYWHERE = {
 }
 
 
+@pytest.mark.parametrize("unit", [1, 10**6, sp.Rational(1, 10**6)])
+@pytest.mark.parametrize("others", [{}, {y: x - y}], ids=["alone", "with another"])
+@pytest.mark.parametrize(
+    "rate",
+    [
+        -z * sp.sqrt(sp.Abs(z)),
+        z * sp.sqrt(sp.Abs(z)),
+        -sp.sign(z) * sp.Abs(z) ** sp.Rational(3, 2),
+        (x - z) * sp.sqrt(sp.Abs(z - x)),
+        -x * (z - 7) * sp.sqrt(sp.Abs(z - 7)),
+    ],
+    ids=["damped", "driven", "by a sign", "along x", "elsewhere"],
+)
+def test_a_damping_with_a_root_is_no_linear_one(rate: sp.Expr, others: dict, unit: int) -> None:
+    """Its slope was 0/0 on the branch: no point of it was seen, or it was one of two, the other without a formula."""
+    system = SlowFastSystem(slow={x: -x}, fast={z: unit * rate, **others}, epsilon=eps)
+    (branch,) = solve_critical(system).branches
+    verdict = classify(branch, region={"x": (0.5, 1.5)})
+    loss = only(verdict, LossKind.VANISHING_DAMPING)
+    assert verdict.kind is Kind.LOST
+    assert verdict.samples > 200
+    assert loss.coefficients["order"] == pytest.approx(1.5)
+    assert all(condition.holds for condition in verdict.conditions if condition.name in ("graph", "equilibria"))
+
+
 def test_a_point_of_a_multiple_zero_may_be_inexact() -> None:
     # g_y = ((0, 1), (-3 d^2, 0)) at a point that is d off the branch, where it is nilpotent.
     matrices = np.array([[[0.0, 1.0], [-3.0 * d**2, 0.0]] for d in (0.0, 1e-6, 0.0)])
