@@ -421,6 +421,15 @@ def test_a_damping_with_a_root_is_no_linear_one(rate: sp.Expr, others: dict, uni
     assert all(condition.holds for condition in verdict.conditions if condition.name in ("graph", "equilibria"))
 
 
+@pytest.mark.parametrize("rate", [-z * sp.Abs(z), -(z**3)])
+def test_a_zero_is_written_without_a_sign(rate: sp.Expr) -> None:
+    """It was next_order = -0 and eigenvalue -0+0j."""
+    system = SlowFastSystem(slow={x: -sp.Integer(1)}, fast={z: rate}, epsilon=eps)
+    (loss,) = classify(solve_critical(system).branches[0], region={"x": (-1, 1)}).losses
+    assert "eigenvalue 0+0j" in str(loss)
+    assert "-0" not in str(loss).replace("-0.5", "")
+
+
 def test_a_point_of_a_multiple_zero_may_be_inexact() -> None:
     # g_y = ((0, 1), (-3 d^2, 0)) at a point that is d off the branch, where it is nilpotent.
     matrices = np.array([[[0.0, 1.0], [-3.0 * d**2, 0.0]] for d in (0.0, 1e-6, 0.0)])

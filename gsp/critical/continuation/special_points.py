@@ -67,7 +67,7 @@ class SpecialPoint(Card):
     def __str__(self) -> str:
         # That of a loss is along the slow flow.
         names = {"crossing": "crossing along the curve"}
-        rest = ", ".join(f"{names.get(n, n)} = {value:.6g}" for n, value in self.coefficients.items())
+        rest = in_words((names.get(n, n), value) for n, value in self.coefficients.items())
         return f"{self.kind} at {in_words(self.point, 10)}" + (f" ({rest})" if rest else "")
 
     def __repr__(self) -> str:
