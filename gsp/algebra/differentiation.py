@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import lru_cache
 from typing import Any
@@ -43,13 +43,14 @@ class _Power(sp.Function):
 
 
 _OVER_THE_REALS: dict[Any, Any] = {sp.Abs: _Absolute, sp.sign: _Sign, sp.Heaviside: _Step, sp.Pow: _Power}
+_BACK = {ours: theirs for theirs, ours in _OVER_THE_REALS.items()}
 
 
 def derivative(expression: Any, symbol: sp.Symbol) -> Any:
     """Derivative of a real expression that can be evaluated wherever it exists.
 
-    Two things SymPy leaves to the reader: |u|, sign(u) and a step are taken of real u, off u = 0, and
-    d(u^n)/dx = n u^n u'/u, which is 0/0 at u = 0, becomes n u^(n-1) u'.
+    Three things SymPy leaves to the reader: |u|, sign(u) and a step are taken of real u, off u = 0,
+    d(u^n)/dx = n u^n u'/u, which is 0/0 at u = 0, becomes n u^(n-1) u', and u |u|^p is differentiated as one power.
     """
     if not expression.has(symbol):
         return sp.S.Zero
@@ -62,11 +63,12 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
         others = [factor for factor in expression.args if factor != symbol]
         if not any(factor.has(symbol) for factor in others):
             return sp.Mul(*others)
-    left = list(filter(_is_left, parts_of(expression)))
-    if left:
-        slope = _smooth(_exchanged(expression, left, _OVER_THE_REALS), symbol)
-        ours = {own: theirs for theirs, own in _OVER_THE_REALS.items()}
-        result = _exchanged(slope, [part for part in parts_of(slope) if part.func in ours], ours)
+    if any(map(_is_left, parts_of(expression))):
+        joined = _exchanged(expression, _has_root, lambda part, args: _with_roots_joined(part.func(*args)))
+        ours = _exchanged(joined, _is_left, lambda part, args: _OVER_THE_REALS[part.func](*args))
+        result = _exchanged(
+            _smooth(ours, symbol), lambda part: part.func in _BACK, lambda part, args: _BACK[part.func](*args)
+        )
     else:
         result = _smooth(expression, symbol)
     if any(part.is_Pow and not part.exp.is_number for part in parts_of(result)):
@@ -104,6 +106,24 @@ def _smooth(expression: Any, symbol: sp.Symbol) -> Any:
     return sp.diff(expression, symbol)
 
 
+def _has_root(part: Any) -> bool:
+    powers = [factor.as_base_exp() for factor in part.args] if part.is_Mul else []
+    return any(isinstance(base, sp.Abs) and not n.is_Integer for base, n in powers)
+
+
+def _with_roots_joined(product: Any) -> Any:
+    """The product with u^n |u|^p, p no whole number, as sign(u)^n |u|^(n + p): its slope is 0/0 at u = 0 otherwise."""
+    for root in product.args:
+        size, power = root.as_base_exp()
+        if isinstance(size, sp.Abs) and not power.is_Integer:
+            u = size.args[0]
+            for part in product.args:
+                base, n = part.as_base_exp()
+                if base in (u, -u) and n.is_Integer and n > 0:
+                    product = product / part * sp.sign(base) ** (n % 2) * size**n
+    return product
+
+
 def _is_left(piece: Any) -> bool:
     """Whether SymPy leaves the slope of `piece` to the reader."""
     if piece.func is sp.Pow:
@@ -113,12 +133,12 @@ def _is_left(piece: Any) -> bool:
     return piece.func in _OVER_THE_REALS
 
 
-def _exchanged(expression: Any, parts: Iterable[Any], kinds: Mapping[Any, Any]) -> Any:
-    """`expression` with the functions of its `parts` exchanged by `kinds`, inner parts before outer ones."""
+def _exchanged(expression: Any, is_meant: Callable[[Any], bool], made: Callable[[Any, list], Any]) -> Any:
+    """`expression` with what is `made` of each part that is meant, inner parts before outer ones, each once."""
     rule: dict[Any, Any] = {}
-    for part in parts:
-        rule[part] = kinds[part.func](*(replaced(argument, rule) for argument in part.args))
-    return replaced(expression, rule)
+    for part in filter(is_meant, parts_of(expression)):
+        rule[part] = made(part, [replaced(argument, rule) for argument in part.args])
+    return replaced(expression, rule) if rule else expression
 
 
 def slopes(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> dict[tuple[int, int], Any]:

@@ -139,8 +139,18 @@ def _factor_list(
 
 
 def factors(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
-    """The factors of `factor_list` that contain `variables` and can vanish: an exponential cannot."""
-    return [e for e, _ in factor_list(expression)[1] if e.has(*variables) and not isinstance(e, sp.exp)]
+    """The factors of `factor_list` that contain `variables` and can vanish: an exponential cannot.
+
+    A power of |u| vanishes where u does, and so does the sign of u: beside u they are no factors of their own.
+    """
+    found: dict[sp.Expr, None] = {}
+    for factor, _ in factor_list(expression)[1]:
+        base = factor.base if factor.is_Pow and factor.exp.is_positive else factor
+        if isinstance(base, sp.Abs):
+            found |= dict.fromkeys(factors(base.args[0], variables))
+        elif factor.has(*variables) and not isinstance(factor, sp.exp):
+            found[factor] = None
+    return [e for e in found if not (isinstance(e, sp.sign) and found.keys() & {e.args[0], -e.args[0]})]
 
 
 def factored(expression: sp.Expr) -> sp.Expr:

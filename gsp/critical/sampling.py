@@ -18,14 +18,11 @@ from gsp.critical.slow_metric import ROUNDING, frozen_rates, least_metric
 from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
-from gsp.systems.region import ImageBox, Interval
+from gsp.systems.region import EDGE, ImageBox, Interval
 
 # Points per axis for one and two slow variables; a Sobol sequence of 2^11 points beyond.
 GRID = {1: 257, 2: 33}
 COARSE = {1: 33, 2: 9}
-# A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts. Points
-# of a branch are found so well.
-EDGE = 1e-12
 
 
 class Sampler:

@@ -36,8 +36,9 @@ from gsp.systems.declaration import exact
 from gsp.systems.flow import Point, check_epsilon, check_given, values_by_name
 from gsp.systems.system import SlowFastSystem
 
-# The order through which no second derivative of a rate, which a kink makes infinite for an instant, is integrated.
-ACROSS_KINKS = 2
+# The order through which no second derivative of a rate, which a kink makes infinite for an instant, is integrated, and
+# that through which no first one is, which a jump of a slow rate does.
+ACROSS_KINKS, ACROSS_JUMPS = 2, 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,8 +128,8 @@ def expand_inner(
     Exact where g is linear in y at epsilon = 0 with rational eigenvalues and the other functions of y are polynomials;
     else sampled to about 13 digits. `start` names every state; reconstruction variables start at 0 unless named.
 
-    Through a kink of f or g it goes to order 2, fast variables to order 1: beyond, derivatives that jump act at one
-    instant.
+    Through a kink of f or g it goes to order 2, fast variables to order 1, and an order less through a jump of f:
+    beyond, derivatives that jump act at one instant.
 
     Raises `BranchError` when the layer leads elsewhere than to `branch`, `HyperbolicityError` on a saddle-type branch
     unless the start is on its stable side at every order asked for, `DeclarationError` where the field is not finite.
@@ -301,11 +302,13 @@ def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
     if landing.direction < 0:
         problem = problem.reversed()
     when, ending = 0.0, ""
-    if landing.kinks and order > ACROSS_KINKS:
-        order, deepest = ACROSS_KINKS, min(deepest, ACROSS_KINKS - 1)
+    met, most = ("jump", ACROSS_JUMPS) if landing.jumps else ("kink", ACROSS_KINKS)
+    if landing.kinks and order > most:
+        order, deepest = most, min(deepest, most - 1)
+        time = (landing.jumps or landing.kinks)[0]
         ending = (
-            f"the layer from {problem.place()} crosses a kink of the field at fast time {landing.kinks[0]:.4g}, past "
-            f"which its series is known through order {ACROSS_KINKS}"
+            f"the layer from {problem.place()} crosses a {met} of the field at fast time {time:.4g}, past which its "
+            f"series is known through order {most}"
         )
     for _ in range(REFINEMENTS):
         terms, reached = _along(problem, landing, order, deepest)

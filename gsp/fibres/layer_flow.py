@@ -80,14 +80,14 @@ class LayerFlow:
         found = self._switches
         return self._function([s.surface for s in found], y) if found else np.empty((len(y), 0))
 
-    def jumps(self, y: np.ndarray) -> bool:
-        """Whether f or g jumps at `y` (n_fast,), where a switching function vanishes: compared along the layer."""
+    def jumps(self, y: np.ndarray) -> np.ndarray:
+        """Which of f and g (n,) jump at `y` (n_fast,), where a switching function vanishes, along the layer."""
         way = self.rates(y[None, :])[0]
         # How far off a switching surface its two sides are compared, in units.
         places = y + 1e-6 * np.outer([-1.0, 1.0], way / np.linalg.norm(way))
         both = self._function([*self._slow_rates, *self._rates], places)
         # A jump is at least this share of the rates.
-        return bool((np.abs(both[1] - both[0]) > 1e-3 * np.abs(both).max(axis=0)).any())
+        return np.abs(both[1] - both[0]) > 1e-3 * np.abs(both).max(axis=0)
 
     @property
     def _slow_rates(self) -> list[sp.Expr]:

@@ -39,7 +39,7 @@ class Landing:
 
     `limit` is g_y at the point and `eigenvalues` its eigenvalues, both after reversal of time when `direction` is
     -1 (a repelling branch). `units` (n,) are the sizes of the fast variables along the layer. `kinks` are the
-    fast times at which it crosses a kink of f or g; panels end there.
+    fast times at which it crosses a kink of f or g, `jumps` those at which f jumps; panels end there.
     """
 
     point: np.ndarray
@@ -50,6 +50,7 @@ class Landing:
     direction: int
     units: np.ndarray
     kinks: tuple[float, ...] = ()
+    jumps: tuple[float, ...] = ()
 
     @property
     def gap(self) -> float:
@@ -141,9 +142,12 @@ def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
         )
     if (real > 0).all():
         layer, limit, eigenvalues = replace(layer, direction=-1), -limit, -eigenvalues
-    panels, samples, kinks = _followed(branch, layer, y / layer.units, point / layer.units, limit, eigenvalues)
+    panels, samples, kinks, jumps = _followed(
+        branch, layer, y / layer.units, point / layer.units, limit, eigenvalues
+    )
     own = limit / (layer.units / layer.units[:, None])
-    return Landing(point, panels, samples * layer.units, own, eigenvalues, layer.direction, layer.units, kinks)
+    samples = samples * layer.units
+    return Landing(point, panels, samples, own, eigenvalues, layer.direction, layer.units, kinks, jumps)
 
 
 def _point(branch: Branch, layer: LayerFlow, y: np.ndarray) -> np.ndarray:
@@ -176,13 +180,13 @@ def _point(branch: Branch, layer: LayerFlow, y: np.ndarray) -> np.ndarray:
 
 
 def _followed(branch, layer: LayerFlow, y, point, limit, eigenvalues):
-    """Panels, samples (P, m, n) of Y_0 - point, all in the layer's units, and the times of kinks."""
+    """Panels, samples (P, m, n) of Y_0 - point, all in the layer's units, and the times of kinks and of jumps of f."""
     gap, fastest = np.abs(eigenvalues.real).min(), np.abs(eigenvalues).max()
     longest = PANEL_TIMES / fastest
-    ends, samples, kinks = [0.0], [], []
+    ends, samples, kinks, jumps = [0.0], [], [], []
     eta = y - point
     if np.linalg.norm(eta) > LINEAR and not layer.is_affine:
-        ends, samples, kinks = _nonlinear(branch, layer, y, point, gap, longest)
+        ends, samples, kinks, jumps = _nonlinear(branch, layer, y, point, gap, longest)
         eta = samples[-1][-1]
     # The rest by the linearisation.
     S = chebyshev()[2]
@@ -195,11 +199,11 @@ def _followed(branch, layer: LayerFlow, y, point, limit, eigenvalues):
         ends.append(ends[-1] + length)
         eta = piece[-1]
         length = min(GROWTH * length, PANEL_TIMES / gap)
-    return Panels(np.array(ends)), np.array(samples), tuple(kinks)
+    return Panels(np.array(ends)), np.array(samples), tuple(kinks), tuple(jumps)
 
 
 def _nonlinear(branch, layer: LayerFlow, y, point, gap, longest):
-    """Panels and samples of Y_0 - point down to where the layer is linear, and the times of kinks."""
+    """Panels and samples of Y_0 - point down to where the layer is linear, and the times of kinks and of jumps of f."""
     span = PATIENCE / gap
     names = _fast_values(branch, y)
     run = None
@@ -217,7 +221,7 @@ def _nonlinear(branch, layer: LayerFlow, y, point, gap, longest):
     last = len(distance) - int(np.argmax(distance[::-1] > LINEAR))
     end, length = float(run.t[min(last, len(run.t) - 1)]), longest
     ends, samples, eta = [0.0], [], y - point
-    kinks, found = [], _crossings(layer, run, end)
+    kinks, jumps, found = [], [], _crossings(layer, run, end)
     while ends[-1] < end:
         right = min(ends[-1] + length, end)
         switches = bool(found) and found[0][0] <= right
@@ -225,7 +229,10 @@ def _nonlinear(branch, layer: LayerFlow, y, point, gap, longest):
             right = _kink(layer, point, eta, run, ends[-1], *found.pop(0))
             kinks.append(right)
         pieces = _resolved(layer, point, eta, run, ends[-1], right, 0)
-        if pieces is None or (switches and layer.jumps(point + pieces[-1][1][-1])):
+        jumping = layer.jumps(point + pieces[-1][1][-1]) if pieces and switches else np.zeros(1, dtype=bool)
+        if jumping.any():
+            jumps.append(right)
+        if pieces is None or jumping[-len(point) :].any():
             place = branch.system.place(_fast_values(branch, y * layer.units))
             raise BranchError(
                 f"the layer from {place} to the branch {branch} could not be resolved "
@@ -237,7 +244,7 @@ def _nonlinear(branch, layer: LayerFlow, y, point, gap, longest):
             samples.append(piece)
         eta = samples[-1][-1]
         length = min(GROWTH * length, PANEL_TIMES / gap)
-    return ends, samples, kinks
+    return ends, samples, kinks, jumps
 
 
 def _crossings(layer: LayerFlow, run, end: float) -> list[tuple[float, int]]:

@@ -13,7 +13,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError
 from gsp.hyperbolicity.exclusion import ASIDE, Exclusion
-from gsp.hyperbolicity.losses.ends import ends_on_grid, sheet_ends
+from gsp.hyperbolicity.losses.ends import crossed, ends_on_grid, sheet_ends
 from gsp.hyperbolicity.losses.examination import Examination, examine
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
@@ -89,8 +89,14 @@ def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     without = without[sampler.counted(x[without], box)]
     if isinstance(box, ImageBox) and sampler.branch.seed is not None:
         z, rows, without = _around_corners(sampler, x, z, rows, without)
+    ends = ends_on_grid(z, rows, x) if len(without) else []
+    for beyond, aside in crossed(sampler, ends):
+        # Samples may lie where the sheets meet.
+        for moved in (x, x + aside):
+            y, good = sampler.over(moved[without], np.tile(beyond, (len(without), 1)))
+            z = np.vstack([z, np.hstack([moved[without], y])[good]])
+            rows, without = np.append(rows, without[good]), without[~good]
     missing = len(without)
-    ends = ends_on_grid(z, rows, x) if missing else []
     bounded = sampler.inside(z, box)
     links = sampler.links(z[bounded], rows[bounded], x)
     z = z[bounded]
@@ -206,7 +212,7 @@ def judged_samples(
         distance=distance,
     )
     losses = found.losses
-    if samples.missing and not losses and found.diagnosis is not None:
+    if samples.ends and not losses and found.diagnosis is not None:
         losses = tuple(sheet_ends(found.diagnosis, samples.ends))
     if found.diagnosis is not None and (losses or samples.missing):
         losses = named_by_switch(found.diagnosis, losses, samples.ends)

@@ -101,7 +101,7 @@ class SlidingExit(Card):
     def __str__(self) -> str:
         lines = [
             repr(self),
-            f"  beta = {self.bending:.8g}, gamma = {self.push:.8g}; phi ends with {self.end.kind}",
+            f"  {in_words({'beta': self.bending, 'gamma': self.push}, 8)}; phi ends with {self.end.kind}",
         ]
         if self.prefactor is not None:
             lines.append(f"  orbits leave {self.prefactor:.8g} epsilon^({self.exponent}) later in slow time")

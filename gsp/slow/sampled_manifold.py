@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.critical.branch import Branch
-from gsp.critical.sampling import EDGE
 from gsp.errors import GspError, Status
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
@@ -17,7 +16,7 @@ from gsp.results.card import Card
 from gsp.results.tabular import Tabular
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.systems.flow import as_points
-from gsp.systems.region import Interval, shown_region
+from gsp.systems.region import EDGE, Interval, shown_region
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -230,10 +230,13 @@ def in_words(
     digits: int = 6,
     more: Mapping[str, int] = MappingProxyType({}),
 ) -> str:
-    """Numbers by name, or by symbol, in a line of text, such as "x = 0.5, y = -1"; some to `more` digits, by name."""
+    """Numbers by name, or by symbol, in a line of text, such as "x = 0.5, y = -1"; some to `more` digits, by name.
+
+    A zero has no sign.
+    """
     pairs = list(values.items() if isinstance(values, Mapping) else values)
     names = [str(getattr(name, "name", name)) for name, _ in pairs]
-    return ", ".join(f"{n} = {value:.{more.get(n, digits)}g}" for n, (_, value) in zip(names, pairs))
+    return ", ".join(f"{n} = {value + 0.0:.{more.get(n, digits)}g}" for n, (_, value) in zip(names, pairs))
 
 
 def check_epsilon(value: float, *, what: str = "epsilon") -> float:

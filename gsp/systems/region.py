@@ -18,6 +18,9 @@ from gsp.systems.arguments import shown
 from gsp.systems.flow import LARGEST, values_by_name
 
 Interval = tuple[float, float]
+# A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts. Points
+# of a branch are found so well.
+EDGE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +96,12 @@ def with_sides(region: Mapping[str, Interval], sides: Mapping[str, Interval]) ->
 
 
 def is_within(point: Mapping[str, float], region: Mapping[str, Interval]) -> bool:
-    """Whether no variable of the point that the region bounds is outside it."""
-    return all(low <= point[name] <= high for name, (low, high) in region.items() if name in point)
+    """Whether no variable of the point that the region bounds is outside it, to rounding."""
+    within = {name: bounds for name, bounds in region.items() if name in point}
+    return all(
+        low - EDGE * (high - low) <= point[name] <= high + EDGE * (high - low)
+        for name, (low, high) in within.items()
+    )
 
 
 def shown_region(region: Mapping[str, Interval]) -> str:

@@ -115,3 +115,19 @@ def test_parts_that_are_shared_are_looked_at_once() -> None:
     assert sp.sign(v) in derivative(kink, v).args
     quotient = sp.Mul(plus([e, sp.exp(v)]), sp.Pow(1 + sp.exp(v), -1), evaluate=False)
     assert quotient.free_symbols == bounded(quotient, {}).free_symbols
+
+
+@pytest.mark.parametrize("power", [sp.Rational(1, 2), sp.Rational(1, 3), sp.Rational(3, 2), n])
+@pytest.mark.parametrize("whole", [1, 2, 3])
+@pytest.mark.parametrize("base", [u, v - u, 2 * u - v])
+def test_a_slope_of_powers_of_a_size_exists_where_it_vanishes(base, whole: int, power) -> None:
+    """That of u sqrt|u| was 0/0 at u = 0."""
+    expression = K * base**whole * sp.Abs(base) ** power
+    slope = derivative(expression, u).subs({K: 3, n: sp.Rational(1, 4)})
+    assert slope.subs({u: 0, v: 0}) == 0
+    size = whole + power.subs(n, sp.Rational(1, 4))
+    for at in (-2, 2):
+        point = {u: (at + 1) / sp.diff(base, u) if base.has(v) else at, v: 1 if base == 2 * u - v else -1}
+        value = base.subs(point)
+        expected = 3 * size * sp.sign(value) ** (whole + 1) * sp.Abs(value) ** (size - 1) * sp.diff(base, u)
+        assert sp.N(slope.subs(point) - expected) == pytest.approx(0, abs=1e-12)

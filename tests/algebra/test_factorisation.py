@@ -149,3 +149,20 @@ def test_exponentials_of_commensurable_exponents_are_powers_of_those_found() -> 
         sp.exp(x / 2), sp.exp(a * x)
     ]  # fmt: skip
     assert exponentials([x + y, sp.log(x)]) == []
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        (x * sp.sqrt(sp.Abs(x)), [x]),
+        (sp.sign(x) * sp.Abs(x) ** sp.Rational(3, 2), [x]),
+        (x * sp.Abs(x * y), [x, y]),
+        ((y - x) * sp.Abs(x - y) * (x + y), [x + y, x - y]),
+        (sp.sign(x) * (1 + y**2), [sp.sign(x), y**2 + 1]),
+    ],
+)
+def test_a_size_and_a_sign_vanish_where_their_argument_does(expression, expected) -> None:
+    """They were factors of their own, and so branches of their own."""
+    found = factors(expression, [x, y])
+    assert len(found) == len(expected)
+    assert all(e in found or -e in found for e in expected)

@@ -388,6 +388,18 @@ def test_three_curves_through_one_point_are_named_but_not_told_apart() -> None:
         switch_branch(curve, point)
 
 
+@pytest.mark.parametrize("unit", [1, 10**6, sp.Rational(1, 10**6)])
+@pytest.mark.parametrize("origin", [0, 7])
+def test_where_kinks_cross_on_the_edge_of_the_region_is_a_point_of_it(unit: sp.Expr, origin: int) -> None:
+    """It was told a step's length beside its place, and so outside."""
+    g = sp.Abs(unit * (x - origin)) - sp.Abs(y - origin)
+    start = {"x": origin + 0.8 / float(unit), "y": origin + 0.8}
+    (point,) = continue_critical(one(g), start=start).special
+    assert point.kind is LossKind.BRANCH_POINT
+    assert point["y"] == pytest.approx(origin, abs=1e-14)
+    assert point.is_in({"y": (origin, origin + 2)})
+
+
 # -- closed curves and invariances -----------------------------------------------------------------
 
 ELLIPSE = 1 - x**2 / 4 - y**2 - x * y / 3

@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
-from gsp.critical.sampling import EDGE, Sampler, grid, neighbours
+from gsp.critical.sampling import Sampler, grid, neighbours
 from gsp.critical.sheet_points import (
     Allowance,
     distinct,
@@ -20,6 +20,7 @@ from gsp.critical.sheet_points import (
     solve_each,
 )
 from gsp.errors import DeclarationError
+from gsp.systems.region import EDGE
 from gsp.systems.system import SlowFastSystem
 
 u, v, w, x, y, eps = sp.symbols("u v w x y epsilon")

@@ -412,6 +412,22 @@ def test_a_layer_across_a_jump_of_a_fast_variable_is_not_taken_for_linear() -> N
         project(jump, {"x": 1.5, "y": 0.0}, epsilon=1e-3)
 
 
+@pytest.mark.parametrize("unit", [1, 10**6, sp.Rational(1, 10**6)])
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("step", [sp.sign(y / 2 - x / 4) / 2, sp.Heaviside(2 * y - x, 0)])
+def test_a_layer_goes_through_a_jump_of_a_slow_rate(step: sp.Expr, sign: int, unit: sp.Rational) -> None:
+    """It was said that nothing can be reduced there. y = 6/5 (1 - exp(-tau)) passes 3/5 after ln 2."""
+    fast = {y: sign * (y / unit - x) * unit}
+    system = SlowFastSystem(slow={x: -1 - step.subs(y, y / unit)}, fast=fast, epsilon=epsilon)
+    branch, start = solve_critical(system).branches[0], {"x": 1.2, "y": 0.0}
+    assert dict(project(branch, start, epsilon=0.01, order=0)) == {"x": 1.2}
+    inner = expand_inner(branch, start, order=3)
+    # Before it x is faster by 1 than after it.
+    assert [float(c) for c in inner.base["x"]] == pytest.approx([1.2, -sign * np.log(2.0)], rel=1e-12)
+    with pytest.raises(DeclarationError, match=r"crosses a jump .* at fast time 0\.6931, past .* order 1"):
+        project(branch, start, epsilon=0.01, order=1)
+
+
 def test_powers_of_long_decimals_end_no_layer() -> None:
     """Whether the layer is linear is asked in decimals: as exact numbers (p/q)^(r/s) are taken apart into primes."""
     base = 1 + (x * y) ** 6 / 7 + x**5 * y**3

@@ -82,7 +82,8 @@ def test_the_jump_at_a_fold_is_late_by_the_zero_of_airys_function() -> None:
         (2.0, -2.0, 2.0, "v' = -2 v |v| along the null direction and attracts: decay goes like tau^(-1)"),
         (3.0, -4.0, 4.0, "v' = -4 v^3 along the null direction and attracts: decay goes like tau^(-0.5)"),
         (3.0, 4.0, -4.0, "v' = 4 v^3 along the null direction and repels: orbits leave"),
-        (3.0, 4.0, 4.0, "v' = 4 v |v|^2 along the null direction and attracts from one side"),
+        (3.0, 4.0, 4.0, "v' = 4 |v|^3 along the null direction and attracts from one side"),
+        (1.5, -1.0, 1.0, "v' = -1 v |v|^0.5 along the null direction and attracts: decay goes like tau^(-2)"),
         (4.0, -1.0, 1.0, "v' = -1 v |v|^3 along the null direction and attracts: decay goes like tau^(-0.333)"),
     ],
 )

@@ -396,6 +396,40 @@ EVERYWHERE = {
 }
 
 
+@pytest.mark.parametrize("unit", [1, 10**6, sp.Rational(1, 10**6)])
+@pytest.mark.parametrize("others", [{}, {y: x - y}], ids=["alone", "with another"])
+@pytest.mark.parametrize(
+    "rate",
+    [
+        -z * sp.sqrt(sp.Abs(z)),
+        z * sp.sqrt(sp.Abs(z)),
+        -sp.sign(z) * sp.Abs(z) ** sp.Rational(3, 2),
+        (x - z) * sp.sqrt(sp.Abs(z - x)),
+        -x * (z - 7) * sp.sqrt(sp.Abs(z - 7)),
+    ],
+    ids=["damped", "driven", "by a sign", "along x", "elsewhere"],
+)
+def test_a_damping_with_a_root_is_no_linear_one(rate: sp.Expr, others: dict, unit: int) -> None:
+    """Its slope was 0/0 on the branch: no point of it was seen, or it was one of two, the other without a formula."""
+    system = SlowFastSystem(slow={x: -x}, fast={z: unit * rate, **others}, epsilon=eps)
+    (branch,) = solve_critical(system).branches
+    verdict = classify(branch, region={"x": (0.5, 1.5)})
+    loss = only(verdict, LossKind.VANISHING_DAMPING)
+    assert verdict.kind is Kind.LOST
+    assert verdict.samples > 200
+    assert loss.coefficients["order"] == pytest.approx(1.5)
+    assert all(condition.holds for condition in verdict.conditions if condition.name in ("graph", "equilibria"))
+
+
+@pytest.mark.parametrize("rate", [-z * sp.Abs(z), -(z**3)])
+def test_a_zero_is_written_without_a_sign(rate: sp.Expr) -> None:
+    """It was next_order = -0 and eigenvalue -0+0j."""
+    system = SlowFastSystem(slow={x: -sp.Integer(1)}, fast={z: rate}, epsilon=eps)
+    (loss,) = classify(solve_critical(system).branches[0], region={"x": (-1, 1)}).losses
+    assert "eigenvalue 0+0j" in str(loss)
+    assert "-0" not in str(loss).replace("-0.5", "")
+
+
 def test_a_point_of_a_multiple_zero_may_be_inexact() -> None:
     # g_y = ((0, 1), (-3 d^2, 0)) at a point that is d off the branch, where it is nilpotent.
     matrices = np.array([[[0.0, 1.0], [-3.0 * d**2, 0.0]] for d in (0.0, 1e-6, 0.0)])
@@ -510,6 +544,31 @@ def test_where_two_sheets_meet_at_a_kink_no_reduction_goes_on(g: sp.Expr, top: f
     assert loss.point == pytest.approx({"x": 0, "y": 0}, abs=1e-6)
     assert "two sheets of M0 meet there" in loss.consequence
     assert not loss.may_reduce
+
+
+@pytest.mark.parametrize(("unit", "origin"), [(1, 0), (10**6, 0), (sp.Rational(1, 10**6), 0), (1, 7)])
+@pytest.mark.parametrize(
+    "g",
+    [
+        sp.Abs(x) - sp.Abs(y),
+        sp.Abs(y) - 10 * sp.Abs(x),
+        x + 2 * sp.Abs(x) - sp.Abs(y),
+        x**2 - y**2 + y**5 / 40,
+    ],
+    ids=["kinks", "repelling", "two slopes", "smooth"],
+)
+def test_a_sheet_that_meets_another_goes_on_beyond_it(g: sp.Expr, unit: sp.Expr, origin: int) -> None:
+    """Beyond it no sample was found, and half of the region was said to have no real point."""
+    g = g.subs({x: unit * x - origin, y: y - origin}, simultaneous=True)
+    (branch,) = solve_critical(SlowFastSystem(slow={x: -1}, fast={y: g}, epsilon=eps)).branches
+    low, at, high = (float((origin + far) / unit) for far in (-0.1, 0.08, 0.1))
+    verdict = classify(
+        branch.through({"x": at, "y": origin + 0.2}), region={"x": (low, high), "y": (origin, origin + 2)}
+    )
+    assert verdict.kind is Kind.LOST
+    (graph,) = [condition for condition in verdict.conditions if condition.name == "graph"]
+    assert graph.holds
+    assert any(not loss.is_hyperbolic and loss.point["y"] == pytest.approx(origin) for loss in verdict.losses)
 
 
 def test_a_kink_where_an_eigenvalue_passes_zero_by_itself_is_no_corner() -> None:

@@ -1,16 +1,20 @@
 """Zero eigenvalues: which way a pitchfork is pushed, and how many other fast directions are unstable."""
 
+import numpy as np
 import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.loss_kind import LossKind
+from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.hyperbolicity.losses import zeros
+from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.kinds import Loss
+from gsp.hyperbolicity.samples import sampled
 from gsp.systems.system import SlowFastSystem
 
-x, y, z, w, eps = sp.symbols("x y z w epsilon")
+x, y, z, w, u, eps = sp.symbols("x y z w u epsilon")
 
 
 def loss_of(fast: dict, through: dict, kind: LossKind) -> Loss:
@@ -84,3 +88,21 @@ def test_a_delay_is_promised_for_an_invariant_branch_only() -> None:
 def test_a_loss_has_its_name_whatever_contracts_much_faster(fast: dict, kind: LossKind, rate: int) -> None:
     loss = loss_of(fast | {w: -rate * w + y * z}, {"x": -0.5, "y": 0, "z": 0, "w": 0}, kind)
     assert loss.point["x"] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1, -1, 10**6])
+@pytest.mark.parametrize("origin", [0, 7])
+@pytest.mark.parametrize("others", [{}, {u: x - 2 * u}], ids=["two fast", "three fast"])
+def test_a_fold_beside_a_double_zero_is_a_fold(factor: int, origin: int, others: dict) -> None:
+    """It was a degenerate point there: moved over the region along its kernel, w leaves the region 50,000 times."""
+    rates = {x: w, w: y - origin + z * w + x**2 + 3 * x * w, **others}
+    fast = {name: factor * rate for name, rate in rates.items()}
+    system = SlowFastSystem(slow={y: sp.Integer(1), z: sp.Integer(1)}, fast=fast, epsilon=eps)
+    sampler = Sampler(solve_critical(system).branches[0])
+    box = {"y": (origin - 1, origin + 0.2), "z": (-0.7, 0.6)}
+    samples = sampled(sampler, box)
+    diagnosis = Diagnosis(sampler, box, float(np.abs(samples.eigenvalues).max()), samples.z)
+    loss = zeros.zero(diagnosis, np.array([origin, 0.004, *[0.0] * len(fast)]))
+    assert loss.kind is LossKind.FOLD
+    # Both a and b_y are -1/z along x.
+    assert loss.coefficients["kappa"] == pytest.approx((factor / 0.004) ** 2)

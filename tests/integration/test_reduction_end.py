@@ -186,6 +186,32 @@ def test_a_run_ends_when_and_as_its_system_says(slow, fast, start, status, time,
     assert word in trajectory.message
 
 
+CORNER = y - sp.Abs(x)
+# Fast rates and the start beside y = 0.8.
+CORNERS = {
+    "explicit": ({x: CORNER}, {"x": 0.8}),
+    "repelling": ({x: -CORNER}, {"x": 0.8}),
+    "large rates": ({x: 10**6 * CORNER}, {"x": 0.8}),
+    "large variable": ({x: y - sp.Abs(x) / 10**6}, {"x": 0.8e6}),
+    "elsewhere": ({x: CORNER.subs(x, x - 7)}, {"x": 7.8}),
+    "uneven": ({x: y - sp.Max(-x, x / 2)}, {"x": 1.6}),
+    "two sheets": ({x: sp.Abs(y) - sp.Abs(x)}, {"x": 0.8}),
+    "implicit": ({x: CORNER - x**5 / 10}, {"x": 0.8}),
+    "two fast": ({x: y - sp.Abs(x + w) - w / 2, w: x - w}, {"x": 0.32, "w": 0.32}),
+}
+
+
+@pytest.mark.parametrize("order", [0, 1])
+@pytest.mark.parametrize(("fast", "start"), CORNERS.values(), ids=CORNERS)
+def test_a_run_into_a_corner_loses_hyperbolicity_there(fast, start, order):
+    """It was said to blow up or to leave the domain, and an implicit branch to let the run go to and fro."""
+    system = SlowFastSystem(slow={y: -ONE}, fast=fast, epsilon=eps)
+    trajectory = run(system, {"y": 0.8, **start}, order=order, span=(0, 3))
+    assert trajectory.status is Status.HYPERBOLICITY_LOST
+    assert trajectory.t[-1] == pytest.approx(0.8, abs=1e-7)
+    assert "an eigenvalue of the fast Jacobian jumps through zero at" in trajectory.message
+
+
 def test_a_folded_node_is_named_and_located():
     trajectory = run(systems.koper(), {"x": 2.4, "y": (-(2.4**3) + 7.2 + 7) / 10, "z": 0.5})
     assert trajectory.status is Status.FOLD_REACHED

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -127,6 +129,11 @@ def test_tails_have_a_power_without_a_coefficient_or_none() -> None:
     assert (flat.exponent, flat.prefactor) == (None, None)
     assert np.isnan(flat.time(0.01))
     assert "no power of epsilon" in str(flat)
+
+
+def test_a_push_of_zero_has_no_sign() -> None:
+    two = sliding_exit(PiecewiseField({x: 1, y: -x}, {x: 1, y: x}, y), {"x": 0, "y": 0}, phi="cubic")
+    assert "beta = -1, gamma = 0; " in str(replace(two, push=-0.0))
 
 
 def test_folds_are_named() -> None:

@@ -67,7 +67,7 @@ class SpecialPoint(Card):
     def __str__(self) -> str:
         # That of a loss is along the slow flow.
         names = {"crossing": "crossing along the curve"}
-        rest = ", ".join(f"{names.get(n, n)} = {value:.6g}" for n, value in self.coefficients.items())
+        rest = in_words((names.get(n, n), value) for n, value in self.coefficients.items())
         return f"{self.kind} at {in_words(self.point, 10)}" + (f" ({rest})" if rest else "")
 
     def __repr__(self) -> str:
@@ -279,7 +279,19 @@ class BranchPoints:
                 crossing = self._directions(u, w, size, tangent)
                 if crossing is not None:
                     return u, crossing
-        return (0.5 * (a + b), CurveCrossing(0.0, NONE)) if short and not self._is_pole(a, b) else None
+        return (
+            (self._turned(a, b, tangent), CurveCrossing(0.0, NONE))
+            if short and not self._is_pole(a, b)
+            else None
+        )
+
+    def _turned(self, a: np.ndarray, b: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+        """Where on the chord from a to b the orientation changes: kinks tell no better place."""
+        before = self.tracer.orientation(a, tangent)
+        for _ in range(np.finfo(float).nmant):
+            middle = 0.5 * (a + b)
+            a, b = (middle, b) if self.tracer.orientation(middle, tangent) == before else (a, middle)
+        return 0.5 * (a + b)
 
     def _is_pole(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Whether g_u grows towards the place between a and b, where at a branch point its rank falls."""

@@ -12,8 +12,8 @@ import numpy as np
 
 from gsp.algebra.switching_functions import switches
 from gsp.critical.loss_kind import LossKind
-from gsp.critical.sampling import neighbours
-from gsp.critical.sheet_points import EQUAL
+from gsp.critical.sampling import Sampler, neighbours
+from gsp.critical.sheet_points import EQUAL, signs
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.consequences import LossConsequence
@@ -23,6 +23,8 @@ from gsp.hyperbolicity.losses.locator import ZERO_TOLERANCE, Locator
 
 # A switching function is zero at an end below this, relative to its size over the samples.
 AT_END = 1e-4
+# Share of the way from the seed, over which a sheet that meets another at its end is looked for beyond it.
+ACROSS = 1e-4
 
 DOMAIN = LossConsequence(
     "the field has no real value beyond; orbits that get there leave the model",
@@ -61,7 +63,7 @@ def sheet_ends(diagnosis: Diagnosis, pairs: Sequence[Pair]) -> list[Loss]:
     one_sheet = sampler.branch.is_explicit or sampler.branch.seed is not None
     if one_sheet:
         box = {s.name: box[s.name] for s in sampler.system.x}
-    ends = [_end(diagnosis, z, x) for z, x in _spread(pairs)]
+    ends = [_end(sampler, z, x) for z, x in _spread(pairs)]
     ends = [end for end in ends if sampler.inside(end[None, :], box)[0]]
     folds, losses = [], []
     for end in ends:
@@ -105,10 +107,33 @@ def _least(diagnosis: Diagnosis, z: np.ndarray) -> float:
     return float(np.abs(diagnosis.sampler.eigenvalues(z[None, :])[0]).min())
 
 
-def _end(diagnosis: Diagnosis, low: np.ndarray, high_x: np.ndarray) -> np.ndarray:
+def crossed(sampler: Sampler, pairs: Sequence[Pair]) -> list[Pair]:
+    """Points (n,) of a seed's sheet right beyond ends at which it meets another and goes on, and the ways (n_slow,)
+    there from the ends.
+    """
+    branch, nx, found = sampler.branch, len(sampler.system.x), []
+    if branch.seed is None:
+        return []
+    # From a sample at the end itself the other sheet might be followed.
+    seed = np.hstack(branch.seed)
+    for _, x in pairs:
+        end, way = _end(sampler, seed, x), ACROSS * (x - seed[:nx])
+        places = end[:nx] + np.array([-way, way])
+        y, followed = sampler.over(places[:1], None)
+        beyond, reached = branch.nearest(places[1:], y)
+        sides = signs(np.nan_to_num(sampler.fast_jacobian(np.hstack([places, np.vstack([y, beyond])]))))
+        # Beyond a fold Newton's method comes to a sheet that is far away, if to any.
+        lengths = sampler.fast_lengths(np.vstack([seed, end]))
+        near = (np.abs(beyond[0] - end[nx:]) <= ACROSS**0.5 * lengths).all()
+        if followed[0] and reached[0] and near and sides[0] == sides[1]:
+            found.append((np.append(places[1], beyond), way))
+    return found
+
+
+def _end(sampler: Sampler, low: np.ndarray, high_x: np.ndarray) -> np.ndarray:
     """The last point of the sheet of `low` on the way to `high_x`, by bisection."""
-    target = np.append(high_x, low[diagnosis.nx :])
-    ends, _ = diagnosis.sampler.bisected(
+    target = np.append(high_x, low[len(high_x) :])
+    ends, _ = sampler.bisected(
         low[None, :], target[None, :], lambda z: np.ones(len(z), dtype=bool), halvings=24
     )
     return ends[0]

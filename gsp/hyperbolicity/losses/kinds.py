@@ -130,7 +130,7 @@ class Loss(Card):
         return f"Loss({self.headline})"
 
     def __str__(self) -> str:
-        rows = [("test", f"{self.test} = {self.value:.3g}, eigenvalue {self.eigenvalue:.3g}")]
+        rows = [("test", f"{self.test} = {self.value + 0.0:.3g}, eigenvalue {self.eigenvalue + 0j:.3g}")]
         if self.coefficients:
             shown = in_words(self.coefficients)
             rows.append(("decided by", shown))

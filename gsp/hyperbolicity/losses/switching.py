@@ -113,6 +113,7 @@ def _loss(diagnosis: Diagnosis, switch: SwitchingFunction, points: np.ndarray, l
         step = SIDE * units * normal / length
         jumps = _jumps(diagnosis, z - step, z + step)
         endless = _grows(diagnosis, z, step)
+    contact = Contact.SWITCH
     coefficients = {} if endless else {"jump": jumps[0], "kink": jumps[1]}
     if endless:
         verdict = LossConsequence(
@@ -128,6 +129,7 @@ def _loss(diagnosis: Diagnosis, switch: SwitchingFunction, points: np.ndarray, l
             "use one smooth piece on each side, or Filippov's rule on the surface",
         )
     elif jumps[1] and switch.surface.has(*sampler.system.y) and _turns(diagnosis, z - step, z + step):
+        contact = Contact.JUMP
         verdict = LossConsequence(
             "an eigenvalue jumps through 0: two sheets of M0 meet there, at a corner, and orbits that reach it may "
             "leave along the fast fibre",
@@ -153,7 +155,7 @@ def _loss(diagnosis: Diagnosis, switch: SwitchingFunction, points: np.ndarray, l
     )
     loss = diagnosis.loss(
         z,
-        Contact.SWITCH,
+        contact,
         LossKind.NON_SMOOTH,
         str(switch.surface),
         float(sampler.compiled([switch.surface])(z[None, :], sampler.p)[0, 0]),

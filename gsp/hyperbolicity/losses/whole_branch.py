@@ -208,11 +208,9 @@ def _algebraic(slowest: FibreOrder, rates: np.ndarray) -> LossConsequence:
     side = {(True, True): "attracts", (False, False): "repels"}.get(
         sides, "attracts from one side only and repels on the other"
     )
-    power = (
-        f"v^{order:g}"
-        if (slowest.plus * slowest.minus < 0.0) == bool(order % 2)
-        else "v |v|" + (f"^{order - 1:g}" if order != 2.0 else "")
-    )
+    is_odd = slowest.plus * slowest.minus < 0.0
+    size = f"v |v|^{order - 1:g}".removesuffix("^1") if is_odd else f"|v|^{order:g}"
+    power = f"v^{order:g}" if order % 2 == is_odd else size
     what = f"the layer problem is v' = {slowest.plus:.4g} {power} along the null direction and {side}"
     decay = (
         f"decay goes like tau^({-1.0 / (order - 1.0):.3g}) in fast time, not exponentially"

@@ -131,8 +131,10 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
     if max(bend, float(tilt.max()), cubic, mixed, square) == 0.0:
         return _touching(diagnosis, here, {})
     is_zero = ZERO_TERM * max(bend, float(tilt.max()), cubic, mixed)
-    # At a branch point b is as large as the square terms times what the place is off.
-    if float(tilt.max()) > max(is_zero, OFF * square):
+    # At a branch point b is as large as the square terms times what the place is off. Next to a double zero w is large,
+    # and the place is off by no more than the fast variables have in the region.
+    within = 1.0 / np.maximum(1.0, np.abs(w / diagnosis.units[nx:, None]).max(axis=0) * diagnosis.widths)
+    if float(tilt.max()) > max(is_zero, OFF * float(np.abs(scaled[1:, 1:] * within).max())):
         switching = float(b @ at.slow)
         if abs(switching) <= ZERO_TERM * float(np.abs(b) @ diagnosis.fastest):
             switching = 0.0

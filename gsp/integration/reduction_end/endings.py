@@ -195,11 +195,14 @@ class Ending:
             tail = self._into(loss, float(times[j]), states[j])
             return Settled(loss.t, loss.state, tail, *self._named(loss), row=j)
         settled = search.refined(column, t, piece)
-        just_before = np.array([settled.t - 1e-9 * (piece.times[k + 1] - start)])
-        beside = abs(self.values(just_before, piece.at(just_before))[0, 0])
+        sides = settled.t + 1e-9 * (piece.times[k + 1] - start) * np.array([-1.0, 1.0])
+        beside = np.abs(self.values(sides, piece.at(sides))[:, 0])
         sizes = np.abs(self.values(*search.history(k, piece))[:, 0])
-        if not np.isfinite(beside) or beside > SMALL * sizes.max():
-            return self._beyond_domain(settled)
+        if not beside[0] <= SMALL * sizes.max():
+            if not np.isfinite(beside).all() or self._grows(settled, piece):
+                return self._beyond_domain(settled)
+            note = f"an eigenvalue of the fast Jacobian jumps through zero at {self._shown(settled.y)}"
+            return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note, remedy=ACROSS)
         return replace(
             settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
         )
@@ -257,15 +260,17 @@ class Ending:
 
     def _border(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         settled = search.refined(column, t, piece)
-        k = piece.step(t)
+        return self._beyond_domain(settled) if self._grows(settled, piece) else None
+
+    def _grows(self, settled: Settled, piece: RunPiece) -> bool:
+        """Whether g_y or g_x grow towards the place as to a pole."""
+        k = piece.step(settled.t)
         length = piece.times[k + 1] - piece.times[k]
         before = np.array([settled.t - share * length for share in APPROACH])
         before = before[(before - piece.times[k]) * length >= 0.0]
         points = self.validity.lift(piece.at(before), self.stepper.p)[:, :-1]
         sizes = np.linalg.norm(self.validity.derivatives(points, self.stepper.p), axis=1)
-        if len(sizes) == len(APPROACH) and sizes[1] <= 3.0 * sizes[0]:
-            return None
-        return self._beyond_domain(settled)
+        return len(sizes) < len(APPROACH) or not sizes[1] <= 3.0 * sizes[0]
 
     def _jump(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         settled = search.refined(column, t, piece)

@@ -100,6 +100,9 @@ def loss_ahead(
         return None
     end = search.end.y
     reached = validity.crossing(end, stepper.p)
+    if abs(reached[0]) > 2.0 * TENDED * abs(value):
+        # It jumps through zero, at a kink.
+        return None
     kind = LossKind.FOLD
     if abs(reached[0]) > 0.5 * TENDED * abs(value):
         count = len(validity.slow)

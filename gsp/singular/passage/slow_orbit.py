@@ -15,7 +15,7 @@ from numpy.polynomial.chebyshev import chebroots
 
 from gsp.algebra.differentiation import entries, jacobian
 from gsp.critical.branch import Branch
-from gsp.critical.sampling import EDGE, Sampler
+from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, coefficients, tail
 from gsp.integration.methods import Method
@@ -24,7 +24,7 @@ from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.splitting.fast_part import inverse
 from gsp.systems.flow import in_words
-from gsp.systems.region import Interval, in_units
+from gsp.systems.region import EDGE, Interval, in_units
 from gsp.systems.system import VectorField
 
 # A panel is resolved when its last Chebyshev coefficients are this small, relative to a state's unit and its largest
