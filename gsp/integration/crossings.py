@@ -61,8 +61,8 @@ class Search:
     `values(t, states)` gives the watched functions (m, w) at times (m,) and states (m, n), `signs` (w,) the signs at
     the start, 0 where the first sign that comes is to count. Where a function is not a number no sign is known.
     `quiet(time, state, times, states, dense)` may say of steps at once that nothing happens in them, and
-    `stuck(time, times, states)` that the run ends with them, since it gets nowhere. `last` is the end of the span: an
-    event that is on its zero there to rounding is met, as no run that begins there will meet it.
+    `stuck(time, times, states)` that the run ends with them, since it gets nowhere. An event that is on its
+    zero to rounding at the end of the `span` is met, as no run that begins there will meet it; nan is no such end.
     """
 
     def __init__(
@@ -71,16 +71,15 @@ class Search:
         watched: Sequence[Watched],
         signs: np.ndarray,
         stepper: Stepper,
-        first: float,
+        span: tuple[float, float],
         y: np.ndarray,
         quiet: Callable[..., bool] | None = None,
         stuck: Callable[[float, np.ndarray, np.ndarray], Settled | None] | None = None,
-        last: float = np.nan,
     ) -> None:
         self.values = values
         self.quiet = quiet
         self.stuck = stuck
-        self.last = last
+        first, self.last = span
         self.watched = tuple(watched)
         self.stepper = stepper
         self.found: list[list[Settled]] = [[] for _ in watched]

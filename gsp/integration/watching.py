@@ -62,7 +62,7 @@ def search_of(
 
     signs += [ending.signs] if ending else []
     stuck = None if ending is None else ending.stuck
-    return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet, stuck, last)
+    return Search(values, watched, np.concatenate(signs), stepper, span, y, quiet, stuck)
 
 
 class Findings(NamedTuple):

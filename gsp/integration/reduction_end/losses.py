@@ -94,7 +94,7 @@ def loss_ahead(
         return None if crosses else settled
 
     watched = [Watched("det g_y", 0, 1, settle_event), Watched("rest of det g_y", 0, 1, settle_tended)]
-    search = Search(above, watched, np.ones(2), inner, 0.0, begun)
+    search = Search(above, watched, np.ones(2), inner, (0.0, np.nan), begun)
     record = search.truncated(inner.through(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search))
     if search.end is None:
         return None
