@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from gsp.scales.conservation import MOST_TERMS, terms_multiplied_out
 from gsp.scenes.small_parameter import unused_epsilon
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
@@ -176,9 +177,9 @@ def _exchanges(field: VectorField) -> dict[Direction, sp.Expr]:
 
 
 def _terms(field: VectorField) -> Iterator[tuple[sp.Symbol, sp.Expr, sp.Rational, sp.Expr]]:
-    """(state, term of its rate, the term's number, the rest of it)."""
+    """(state, term of its rate, the term's number, the rest of it); of a rate with too many as it is written."""
     for state, rate in field.equations.items():
-        for term in sp.Add.make_args(sp.expand(rate)):
+        for term in sp.Add.make_args(sp.expand(rate) if terms_multiplied_out(rate) <= MOST_TERMS else rate):
             number, rest = term.as_coeff_Mul()
             if number.is_Rational and number != 0:
                 yield state, term, number, rest

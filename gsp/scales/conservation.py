@@ -47,7 +47,7 @@ def reactions_of(rates: Sequence[sp.Expr]) -> Reactions:
     places: dict[sp.Expr, int] = {}
     entries: list[tuple[int, int, sp.Rational]] = []
     for i, rate in enumerate(rates):
-        for term in sp.Add.make_args(sp.expand_mul(rate) if _terms(rate) <= MOST_TERMS else rate):
+        for term in sp.Add.make_args(sp.expand_mul(rate) if terms_multiplied_out(rate) <= MOST_TERMS else rate):
             factor, rest = term.as_coeff_Mul(rational=True)
             if factor != 0:
                 entries.append((i, places.setdefault(rest, len(places)), factor))
@@ -57,9 +57,9 @@ def reactions_of(rates: Sequence[sp.Expr]) -> Reactions:
     return Reactions(tuple(places) or (sp.Integer(0),), matrix)
 
 
-def _terms(expression: sp.Basic) -> int:
+def terms_multiplied_out(expression: sp.Basic) -> int:
     """How many terms there are once all products are multiplied out, at most; those within a function if too many."""
-    counts = [_terms(part) for part in expression.args]
+    counts = [terms_multiplied_out(part) for part in expression.args]
     if expression.is_Add or expression.is_Mul:
         return sum(counts) if expression.is_Add else math.prod(counts)
     most = max(counts, default=1)
