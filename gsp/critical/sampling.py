@@ -18,7 +18,7 @@ from gsp.critical.slow_metric import ROUNDING, frozen_rates, least_metric
 from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
-from gsp.systems.region import EDGE, ImageBox, Interval
+from gsp.systems.region import EDGE, ImageBox, Interval, balancing_units
 
 # Points per axis for one and two slow variables; a Sobol sequence of 2^11 points beyond.
 GRID = {1: 257, 2: 33}
@@ -269,9 +269,17 @@ class Sampler:
         return values
 
     def fast_lengths(self, z: np.ndarray) -> np.ndarray:
-        """How far the branch reaches in each fast variable (n_fast,), by its points `z` (m, n)."""
+        """How far the branch reaches in each fast variable (n_fast,), by its points `z` (m, n).
+
+        In those that are 0 at all of them as far as g_y makes it of the others.
+        """
         units, nx = self.branch.units, len(self.system.x)
-        return fast_lengths(z[:, nx:], units and units[nx:])
+        lengths, is_zero = fast_lengths(z[:, nx:], units and units[nx:]), ~z[:, nx:].any(axis=0)
+        if self.is_large or is_zero.all() or not is_zero.any():
+            return lengths
+        matrices = np.abs(self.fast_jacobian(z))
+        own = balancing_units(matrices[np.isfinite(matrices).all(axis=(1, 2))].sum(axis=0))
+        return np.where(is_zero, own * np.exp(np.log(lengths / own)[~is_zero].mean()), lengths)
 
     def is_singular(self, z: np.ndarray) -> bool:
         """Whether g_y is nearly singular at most of the points `z` (m, n)."""

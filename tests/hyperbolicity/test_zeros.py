@@ -106,3 +106,16 @@ def test_a_fold_beside_a_double_zero_is_a_fold(factor: int, origin: int, others:
     assert loss.kind is LossKind.FOLD
     # Both a and b_y are -1/z along x.
     assert loss.coefficients["kappa"] == pytest.approx((factor / 0.004) ** 2)
+
+
+@pytest.mark.parametrize("unit", [sp.Rational(1, 1000), 1, 10, 100, 10**6])
+def test_folds_are_found_whatever_the_unit_of_a_variable_that_is_0_on_the_branch(unit: int) -> None:
+    """With w in a unit ten times as small the search left the region along z, and one fold of 13 was found."""
+    v = w / unit
+    fast = {x: v, w: unit * (y + z * v + x**2 + 3 * x * v)}
+    system = SlowFastSystem(slow={y: sp.Integer(1), z: sp.Integer(1)}, fast=fast, epsilon=eps)
+    branch = solve_critical(system).branches[1]
+    losses = classify(branch, region={"y": (-1, 0.2), "z": (-0.7, 0.6)}).losses
+    (fold,) = [loss for loss in losses if loss.kind is LossKind.FOLD]
+    assert fold.samples > 10
+    assert fold.coefficients["kappa"] == pytest.approx(fold.point["z"] ** -2)
