@@ -198,7 +198,7 @@ class Ending:
         sides = settled.t + 1e-9 * (piece.times[k + 1] - start) * np.array([-1.0, 1.0])
         beside = np.abs(self.values(sides, piece.at(sides))[:, 0])
         sizes = np.abs(self.values(*search.history(k, piece))[:, 0])
-        if not beside[0] <= SMALL * sizes.max():
+        if not np.isfinite(beside[0]) or beside[0] > SMALL * sizes.max():
             if not np.isfinite(beside).all() or self._grows(settled, piece):
                 return self._beyond_domain(settled)
             note = f"an eigenvalue of the fast Jacobian jumps through zero at {self._shown(settled.y)}"
